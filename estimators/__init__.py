@@ -1,0 +1,1 @@
+"""Floor 2: what the vehicle does, from what it measures."""

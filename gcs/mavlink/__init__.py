@@ -1,0 +1,1 @@
+"""MAVLink of the ground station: codec, endpoints, logs."""

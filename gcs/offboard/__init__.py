@@ -1,0 +1,1 @@
+"""The offboard controller: one pure tick, its modes, limits and trajectories."""

@@ -1,0 +1,1 @@
+"""Truth plants: what really happens to a simulated vehicle."""

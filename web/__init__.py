@@ -1,0 +1,1 @@
+"""Floor 4: FastAPI, the viser scene and the browser dashboard."""
