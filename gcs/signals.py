@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.frames import Array
+from models.arrays import Array
 
 
 @dataclass(frozen=True, slots=True)

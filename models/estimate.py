@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from models.frames import Array, Quaternion, Vec3
+from models.arrays import Array, Quaternion, Vec3
 
 
 @dataclass(frozen=True, slots=True)

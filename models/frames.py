@@ -22,13 +22,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from models.arrays import Array as Array
+from models.arrays import Quaternion as Quaternion
+from models.arrays import Vec3 as Vec3
 from models.kernel import kernel
-
-Array = npt.NDArray[np.float64]
-Vec3 = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
 
 STANDARD_GRAVITY_M_S2 = 9.80665
 WGS84_SEMI_MAJOR_M = 6378137.0

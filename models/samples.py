@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import msgspec
 
-from models.frames import Quaternion, Vec3
+from models.arrays import Quaternion, Vec3
 
 
 class Sample(msgspec.Struct, frozen=True, gc=False, array_like=True, tag_field="kind", kw_only=True):

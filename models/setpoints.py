@@ -7,7 +7,7 @@ from enum import StrEnum
 
 import msgspec
 
-from models.frames import Quaternion, Vec3
+from models.arrays import Quaternion, Vec3
 
 
 class Authority(StrEnum):
