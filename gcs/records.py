@@ -28,6 +28,7 @@ class TickInputs(msgspec.Struct, frozen=True, array_like=True):
     samples: tuple[AnySample, ...]
     requests: tuple[Request, ...] = ()
     link_alive: bool = True
+    rebooted: bool = False
     link_latency_s: float = float("nan")
     link_received: float = float("nan")
     link_rate_hz: float = float("nan")
@@ -51,8 +52,35 @@ class Packet(msgspec.Struct, frozen=True, array_like=True):
     raw: bytes
 
 
+class ActionResult(msgspec.Struct, frozen=True):
+    """How the vehicle answered an action; ``text`` is worded for the operator."""
+
+    number: int
+    done: bool
+    text: str
+
+
+class FlightStart(msgspec.Struct, frozen=True, tag="start"):
+    """What a run starts from, sent first and again every few seconds, so that a hub that comes later learns it too.
+
+    ``session`` names this life of the flight process (any unique text); ``vehicle_toml`` and ``parameters_toml`` are
+    the files as read, ``settings`` whatever else the first tick depends on, such as the gain sets loaded.
+    """
+
+    session: str
+    utc_s: float
+    vehicle_name: str
+    vehicle_toml: str
+    parameters_toml: str
+    link_url: str
+    settings: dict[str, float | str | dict[str, float]] = {}
+
+
 class TickFrame(msgspec.Struct, frozen=True, tag="tick"):
-    """One tick as the flight process reports it. ``signals`` is the float64 vector of :mod:`gcs.signals`."""
+    """One tick as the flight process reports it. ``signals`` is the float64 vector of :mod:`gcs.signals`.
+
+    ``sequence`` counts the ticks of one ``session``, without a gap: a missing number is a tick that was not recorded.
+    """
 
     sequence: int
     t_s: float
@@ -64,6 +92,7 @@ class TickFrame(msgspec.Struct, frozen=True, tag="tick"):
     answers: tuple[Answer, ...] = ()
     actions: tuple[ActionRequest, ...] = ()
     packets: tuple[Packet, ...] = ()
+    session: str = ""
 
 
 class GainRecord(msgspec.Struct, frozen=True):
@@ -127,4 +156,16 @@ class Status(msgspec.Struct, frozen=True, tag="status"):
     tick_p99_us: float
 
 
-FlightMessage = TickFrame | Status
+class RecordingStatus(msgspec.Struct, frozen=True, tag="recording"):
+    """What the recorder does: run folder, its size and the room left [bytes], ticks written and missed."""
+
+    state: Literal["off", "waiting", "recording", "stopped"]
+    run: str = ""
+    size_bytes: int = 0
+    free_bytes: int = 0
+    ticks: int = 0
+    missing_ticks: int = 0
+    reason: str = ""
+
+
+FlightMessage = TickFrame | Status | FlightStart

@@ -27,7 +27,10 @@ class ImuSample(Sample, frozen=True, gc=False, array_like=True, tag="imu", kw_on
 
 
 class GnssSample(Sample, frozen=True, gc=False, array_like=True, tag="gnss", kw_only=True):
-    """Position fix; velocity is None where the receiver gives none. Standard deviations are 1-sigma, 0 if unknown."""
+    """Position fix; velocity is None where the receiver gives none. Standard deviations are 1-sigma, 0 if unknown.
+
+    A component of velocity that was not measured is NaN: GPS_RAW_INT carries no vertical velocity, so down is NaN.
+    """
 
     latitude_rad: float
     longitude_rad: float

@@ -240,3 +240,10 @@ class AttemptLimiter:
 
     def failed(self, address: str) -> None:
         self._failures.append((self._clock_s(), address))
+
+    def succeeded(self, address: str) -> None:
+        """Take back the newest failure of an address: its attempt turned out right."""
+        for index in range(len(self._failures) - 1, -1, -1):
+            if self._failures[index][1] == address:
+                del self._failures[index]
+                return

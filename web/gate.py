@@ -86,10 +86,11 @@ class Gate:
             else:
                 await send({"type": "websocket.close", "code": 1008, "reason": "Not allowed."})
             return
-        send = _with_security_headers(send, host)
         if _name_of(host) not in self._hosts:
+            send = _with_security_headers(send, "localhost", scope["path"])
             await _refuse(send, 421, "This station does not answer to that host name. Start it with --allow-host NAME.")
             return
+        send = _with_security_headers(send, host, scope["path"])
         refusal = self._refusal(scope, headers, host, session)
         if refusal is not None:
             await refusal(send)
@@ -155,13 +156,16 @@ def _csrf_is_right(headers: Headers, session: Session) -> bool:
     return hmac.compare_digest(headers.get("x-csrf-token", "").encode(), session.csrf.encode())
 
 
-def _with_security_headers(send: Send, host: str) -> Send:
+def _with_security_headers(send: Send, host: str, path: str) -> Send:
+    # The bundle keeps its name from build to build, so browsers must ask whether theirs is still the one.
+    cache = "no-cache" if path.startswith("/static/") else "no-store"
+
     async def guarded(message: Message) -> None:
         if message["type"] == "http.response.start":
             headers = MutableHeaders(scope=message)
             headers.setdefault("content-security-policy", page_policy(host))
             headers.setdefault("x-frame-options", "DENY")
-            headers.setdefault("cache-control", "no-store")
+            headers.setdefault("cache-control", cache)
             headers["x-content-type-options"] = "nosniff"
             # Not "no-referrer": with it browsers send "Origin: null" with the login form.
             headers["referrer-policy"] = "same-origin"

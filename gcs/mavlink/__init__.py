@@ -1,1 +1,1 @@
-"""MAVLink of the ground station: codec, endpoints, logs."""
+"""The station's MAVLink: codec, endpoints, logs, modes and the link to one vehicle. Bytes in, typed values out."""

@@ -21,8 +21,9 @@ from models.frames import Vec3, wrap_angle
 
 ENTRY_SAMPLES = 24
 SHORTEST_ENTRY_S = 0.5
-LONGEST_ENTRY_S = 600.0
 ENTRY_GROWTH = 1.15
+MOST_ENTRY_TRIALS = 40
+LIMIT_TOLERANCE = 1.001
 NO_LAP = 0
 
 
@@ -41,7 +42,7 @@ class Hover(_Kind, frozen=True, kw_only=True, tag="hover"):
 
 
 class GoTo(_Kind, frozen=True, kw_only=True, tag="go_to"):
-    """Fly to a point and rest there, within ``speed_m_s`` and ``acceleration_m_s2``; ``yaw_rad`` None keeps the heading."""
+    """Fly to a point and rest there, within speed and acceleration; ``yaw_rad`` None keeps the heading."""
 
     north_m: float
     east_m: float
@@ -126,11 +127,12 @@ FIELDS: dict[type[Trajectory], tuple[Field, ...]] = {
 LARGEST_PATH_SPEED_M_S = 8.0
 LARGEST_PATH_ACCELERATION_M_S2 = 3.0
 LARGEST_YAW_STEP_RAD = 1.0
+LARGEST_STEP_M = 5.0
 SMALLEST_RATE_RAD_S = 0.01
 
 
 class Progress(NamedTuple):
-    """Where a trajectory is: the reference, its progress 0..1 (None if endless), and the lap (0 while on the way in)."""
+    """Where a trajectory is: reference, progress 0..1 (None if endless), lap (0 while on the way in)."""
 
     reference: Reference
     progress: float | None
@@ -149,12 +151,10 @@ def validate(trajectory: Trajectory) -> None:
             raise TrajectoryError(
                 f"{kind}: {field.name} = {value:g} {field.unit} is outside {field.minimum:g} to {field.maximum:g}"
             )
-    if (
-        isinstance(trajectory, StepResponse)
-        and trajectory.axis == "yaw"
-        and abs(trajectory.size) > LARGEST_YAW_STEP_RAD
-    ):
-        raise TrajectoryError(f"{kind}: size = {trajectory.size:g} rad of yaw is outside -1 to 1")
+    if isinstance(trajectory, StepResponse):
+        limit = LARGEST_YAW_STEP_RAD if trajectory.axis == "yaw" else LARGEST_STEP_M
+        if abs(trajectory.size) > limit:
+            raise TrajectoryError(f"{kind}: size = {trajectory.size:g} on {trajectory.axis} is outside ±{limit:g}")
     if isinstance(trajectory, Circle | FigureEight):
         rate = abs(trajectory.rate_rad_s)
         if rate < SMALLEST_RATE_RAD_S:
@@ -241,20 +241,26 @@ def quintic(begin: Motion, end: Motion, duration_s: float, t_s: float) -> Motion
 
 
 def entry_duration_s(begin: Motion, end: Motion, speed_m_s: float, acceleration_m_s2: float) -> float:
-    """Shortest duration (on a geometric grid) whose polynomial keeps both limits, as far as the ends themselves do."""
-    speed_limit = max(speed_m_s, _norm(begin.velocity_ned_m_s), _norm(end.velocity_ned_m_s)) * 1.001
+    """Shortest duration (on a geometric grid) whose polynomial keeps both limits, as far as the ends themselves do.
+
+    Where no duration keeps both, which takes an initial acceleration near the limit, the one that comes nearest.
+    """
+    speed_limit = max(speed_m_s, _norm(begin.velocity_ned_m_s), _norm(end.velocity_ned_m_s))
     acceleration_limit = max(acceleration_m_s2, _norm(begin.acceleration_ned_m_s2), _norm(end.acceleration_ned_m_s2))
-    distance_m = math.dist(begin.position_ned_m, end.position_ned_m)
-    duration_s = max(SHORTEST_ENTRY_S, distance_m / speed_limit)
-    while duration_s < LONGEST_ENTRY_S:
+    duration_s = max(SHORTEST_ENTRY_S, math.dist(begin.position_ned_m, end.position_ned_m) / speed_limit)
+    best_s, least_excess = duration_s, math.inf
+    for _ in range(MOST_ENTRY_TRIALS):
         motions = [quintic(begin, end, duration_s, duration_s * k / ENTRY_SAMPLES) for k in range(1, ENTRY_SAMPLES)]
-        if (
-            max(_norm(m.velocity_ned_m_s) for m in motions) <= speed_limit
-            and max(_norm(m.acceleration_ned_m_s2) for m in motions) <= acceleration_limit * 1.001
-        ):
-            return duration_s
+        excess = max(
+            max(_norm(m.velocity_ned_m_s) for m in motions) / speed_limit,
+            max(_norm(m.acceleration_ned_m_s2) for m in motions) / acceleration_limit,
+        )
+        if excess < least_excess:
+            best_s, least_excess = duration_s, excess
+        if excess <= LIMIT_TOLERANCE:
+            break
         duration_s *= ENTRY_GROWTH
-    return LONGEST_ENTRY_S
+    return best_s
 
 
 def _norm(vector: Vec3) -> float:

@@ -1,11 +1,12 @@
 // Alerts: events of the station plus conditions this page can see for itself. Order: level, then newest.
 
-import type { Level, StationEvent } from "./protocol";
+import type { Level, StationEvent, Status } from "./protocol";
 import { type LoggedEvent, type State, state, update } from "./store";
 
 const KEEP = 400;
 const ADVISORY_S = 60;
 const REPEAT_S = 30;
+const STATUS_S = 3;
 export const LEVEL_ORDER: Record<Level, number> = { warning: 0, caution: 1, advisory: 2 };
 
 let nextId = 1;
@@ -48,6 +49,11 @@ export interface Alert {
   id: number | null;
 }
 
+// Empty while there is none.
+export function failsafeOf(status: Status): string {
+  return status.failsafe === "none" ? "" : status.failsafe;
+}
+
 // Conditions that open and clear by themselves.
 export function conditions(s: State, nowMs: number): Alert[] {
   const alerts: Alert[] = [];
@@ -59,7 +65,9 @@ export function conditions(s: State, nowMs: number): Alert[] {
   const silence = linkSilenceS(s, nowMs);
   if (status.link_state === "lost") add("warning", `Link lost ${silence.toFixed(1)} s. Vehicle holds by failsafe.`);
   else if (status.link_state === "silent") add("caution", `No messages for ${silence.toFixed(1)} s.`);
-  if (status.failsafe) add("warning", status.failsafe);
+  if (failsafeOf(status)) add("warning", `Failsafe: ${failsafeOf(status)}`);
+  const quietS = (nowMs - s.statusMs) / 1000;
+  if (quietS > STATUS_S) add("warning", `Flight process silent ${quietS.toFixed(0)} s. The vehicle acts by its own failsafe.`);
   const charge = status.battery_remaining;
   if (charge !== null && charge >= 0 && charge < 0.1) add("warning", `Battery ${(charge * 100).toFixed(0)} %, limit 10 %. Land.`);
   else if (charge !== null && charge >= 0 && charge < 0.2) add("caution", `Battery ${(charge * 100).toFixed(0)} %, limit 20 %.`);

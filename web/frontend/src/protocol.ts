@@ -92,6 +92,7 @@ export interface Hello {
   status: Status | null;
   events: StationEvent[];
   backlog_seconds: number;
+  watchers: string[];
 }
 
 export interface TrajectoryField {

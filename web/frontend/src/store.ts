@@ -27,6 +27,7 @@ export interface State {
   status: Status | null;
   statusMs: number;
   events: LoggedEvent[];
+  watchers: string[];
   view: ViewName;
   windowS: number;
   pausedAtS: number | null;
@@ -48,6 +49,7 @@ export let state: State = {
   status: null,
   statusMs: 0,
   events: [],
+  watchers: [],
   view: "fly",
   windowS: 30,
   pausedAtS: null,

@@ -6,9 +6,10 @@ import { ring } from "./ring";
 import { state, update } from "./store";
 
 const RETRY_MS = 1000;
-const SILENCE_MS = 4000;
+const SILENCE_MS = 3000;
+const PROBE_MS = 2000;
 
-type Message = Hello | ({ type: "status" } & Status) | { type: "status"; status: Status } | { type: "event"; event?: StationEvent };
+type Message = Hello | ({ type: "status" } & Status) | ({ type: "event" } & StationEvent) | { type: "watchers"; names: string[] };
 
 let socket: WebSocket | null = null;
 let heardMs = 0;
@@ -17,20 +18,23 @@ function lose(): void {
   if (state.station !== "lost") update({ station: "lost", stationLostMs: performance.now() });
 }
 
-function statusOf(message: Record<string, unknown>): Status {
-  return (message.status ?? message) as Status;
-}
-
 function read(text: string): void {
   const message = JSON.parse(text) as Message;
-  if (message.type === "hello") {
-    ring.layout(message.signals, message.frame_size);
-    seedEvents(message.events);
-    update({ station: "live", ...(message.status ? { status: message.status, statusMs: performance.now() } : {}) });
-  } else if (message.type === "status") {
-    update({ status: statusOf(message as unknown as Record<string, unknown>), statusMs: performance.now() });
-  } else if (message.type === "event") {
-    log((message.event ?? message) as StationEvent);
+  switch (message.type) {
+    case "hello":
+      ring.layout(message.signals, message.frame_size);
+      update({ station: "live", watchers: message.watchers, ...(message.status ? { status: message.status, statusMs: performance.now() } : {}) });
+      seedEvents(message.events);
+      break;
+    case "status":
+      update({ status: message, statusMs: performance.now() });
+      break;
+    case "event":
+      log(message);
+      break;
+    case "watchers":
+      update({ watchers: message.names });
+      break;
   }
 }
 
@@ -51,13 +55,21 @@ function open(): void {
   socket = next;
 }
 
+// A silent stream is either a dead connection that TCP has not noticed yet, or a station with nothing to say: ask it.
+async function probe(): Promise<void> {
+  try {
+    const answer = await fetch("/api/session", { signal: AbortSignal.timeout(PROBE_MS), credentials: "same-origin" });
+    if (answer.ok) return;
+  } catch (error) {
+    if (!(error instanceof DOMException || error instanceof TypeError)) throw error;
+  }
+  lose();
+  socket?.close();
+}
+
 export function startStream(): void {
   open();
-  // Status arrives twice a second: long silence means a dead connection that TCP has not noticed yet.
   setInterval(() => {
-    if (socket?.readyState === WebSocket.OPEN && heardMs > 0 && performance.now() - heardMs > SILENCE_MS) {
-      lose();
-      socket.close();
-    }
+    if (socket?.readyState === WebSocket.OPEN && heardMs > 0 && performance.now() - heardMs > SILENCE_MS) void probe();
   }, RETRY_MS);
 }

@@ -1,0 +1,138 @@
+"""Kalman primitives that every filter here shares: the gated update in Joseph form, gate thresholds, covariance resets.
+
+All kernels work in place on arrays owned by the caller, use explicit loops (the same bits on every BLAS), and treat
+``covariance`` as symmetric.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.stats import chi2
+
+from models.frames import Array
+from models.kernel import kernel
+
+MAX_ROWS = 6
+
+
+def gate_thresholds(false_alarm: float) -> Array:
+    """Chi-square thresholds of the NIS for 1 to 6 rows, shape (7,); entry 0 is unused.
+
+    ``false_alarm`` is the probability that a good measurement is rejected.
+    """
+    thresholds = np.full(MAX_ROWS + 1, np.inf)
+    thresholds[1:] = chi2.isf(false_alarm, np.arange(1, MAX_ROWS + 1))
+    return thresholds
+
+
+@kernel("b1(f8[:,::1], i8)")
+def cholesky_in_place(matrix: Array, size: int) -> bool:
+    """Lower Cholesky factor of the leading block, written over it; False if it is not positive definite."""
+    for j in range(size):
+        for i in range(j, size):
+            total = matrix[i, j]
+            for k in range(j):
+                total -= matrix[i, k] * matrix[j, k]
+            if i == j:
+                if total <= 0.0:
+                    return False
+                matrix[j, j] = np.sqrt(total)
+            else:
+                matrix[i, j] = total / matrix[j, j]
+    return True
+
+
+@kernel("b1(f8[:,::1], f8[::1], f8[:,::1], f8[::1], i8, f8, f8[::1], f8[::1])")
+def joseph_update(
+    covariance: Array,
+    innovation: Array,
+    jacobian: Array,
+    variance: Array,
+    rows: int,
+    threshold: float,
+    correction: Array,
+    report: Array,
+) -> bool:
+    """Gated update with independent measurement rows, Raja (3.4)-(3.6) with the covariance in Joseph form.
+
+    S = H P H' + diag(variance), K = P H' S^-1, dx = K e, P = (I - K H) P (I - K H)' + K R K', written as
+    P - K (H P) - (H P)' K' + K S K'. Nothing changes when the NIS e' S^-1 e exceeds ``threshold``.
+
+    ``innovation`` (6,), ``jacobian`` (6, n), ``variance`` (6,): the first ``rows`` are used. ``correction`` (n,) receives
+    dx; ``report`` (8,) receives the NIS, NIS / threshold, and the diagonal of S. Returns whether it was accepted.
+    """
+    n = covariance.shape[0]
+    hp = np.zeros((rows, n))
+    for r in range(rows):
+        for k in range(n):
+            h = jacobian[r, k]
+            if h != 0.0:
+                for j in range(n):
+                    hp[r, j] += h * covariance[k, j]
+    s = np.zeros((rows, rows))
+    for r in range(rows):
+        for c in range(rows):
+            for k in range(n):
+                s[r, c] += hp[r, k] * jacobian[c, k]
+        s[r, r] += variance[r]
+        report[2 + r] = s[r, r]
+    factor = s.copy()
+    if not cholesky_in_place(factor, rows):
+        report[0] = np.inf
+        report[1] = np.inf
+        return False
+    white = np.empty(rows)
+    nis = 0.0
+    for r in range(rows):
+        total = innovation[r]
+        for k in range(r):
+            total -= factor[r, k] * white[k]
+        white[r] = total / factor[r, r]
+        nis += white[r] * white[r]
+    report[0] = nis
+    report[1] = nis / threshold
+    if nis > threshold:
+        return False
+    gain = np.empty((n, rows))
+    column = np.empty(rows)
+    for j in range(n):
+        for r in range(rows):
+            total = hp[r, j]
+            for k in range(r):
+                total -= factor[r, k] * column[k]
+            column[r] = total / factor[r, r]
+        for r in range(rows - 1, -1, -1):
+            total = column[r]
+            for k in range(r + 1, rows):
+                total -= factor[k, r] * gain[j, k]
+            gain[j, r] = total / factor[r, r]
+    for j in range(n):
+        total = 0.0
+        for r in range(rows):
+            total += gain[j, r] * innovation[r]
+        correction[j] = total
+    for i in range(n):
+        for r in range(rows):
+            column[r] = -hp[r, i]
+            for k in range(rows):
+                column[r] += gain[i, k] * s[k, r]
+        for j in range(i, n):
+            total = covariance[i, j]
+            for r in range(rows):
+                total += column[r] * gain[j, r] - gain[i, r] * hp[r, j]
+            covariance[i, j] = total
+            covariance[j, i] = total
+    return True
+
+
+@kernel("void(f8[:,::1], i8, f8[::1])")
+def reset_block(covariance: Array, first: int, variance: Array) -> None:
+    """Forget what is known about some states: their rows and columns become zero, their diagonal ``variance`` (m,)."""
+    n = covariance.shape[0]
+    for r in range(variance.shape[0]):
+        i = first + r
+        for j in range(n):
+            covariance[i, j] = 0.0
+            covariance[j, i] = 0.0
+    for r in range(variance.shape[0]):
+        covariance[first + r, first + r] = variance[r]

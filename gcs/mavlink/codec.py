@@ -1,0 +1,251 @@
+"""MAVLink 1 and 2 framing without input or output: bytes in, frames and typed messages out, and the way back.
+
+The checksum is CRC-16/MCRF4XX over everything behind the magic byte, with one extra byte per message. Bytes that
+belong to no valid frame are counted and skipped, never raised; the decoder finds the next frame by itself.
+"""
+
+from __future__ import annotations
+
+import struct
+from binascii import crc_hqx
+from typing import Any
+
+import msgspec
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from gcs.mavlink.dialect import (
+    BYTE_REFLECTED,
+    CRC_EXTRA_REFLECTED,
+    LAYOUTS,
+    WORD_REFLECTED,
+    checksum,
+)
+from gcs.mavlink.messages import Message
+
+MAGIC_V1 = 0xFE
+MAGIC_V2 = 0xFD
+FLAG_SIGNED = 0x01
+OVERHEAD_V1 = 8
+OVERHEAD_V2 = 12
+SIGNATURE_SIZE = 13
+MAX_FRAME_SIZE = OVERHEAD_V2 + 255 + SIGNATURE_SIZE
+
+# One layout per payload length gives header, payload and checksum of a frame in a single unpacking.
+_UNPACK_V2 = tuple(struct.Struct(f"<BBBBBBBHB{length}sH").unpack_from for length in range(256))
+_UNPACK_V1 = tuple(struct.Struct(f"<BBBBBB{length}sH").unpack_from for length in range(256))
+_LATE_SEQUENCE = 250
+
+
+class Frame(msgspec.Struct, frozen=True, gc=False):
+    """One frame off the wire. ``payload`` is as sent (trailing zeros cut); ``raw`` is the whole packet, signature too.
+
+    The signature of a signed frame is carried in ``raw`` and not verified here.
+    """
+
+    message_id: int
+    sequence: int
+    system: int
+    component: int
+    payload: bytes
+    version: int
+    signed: bool
+    raw: bytes
+
+
+class SourceCount:
+    """Packets received and lost of one (system, component), from the sequence numbers."""
+
+    __slots__ = ("last_sequence", "late", "lost", "received")
+
+    def __init__(self, sequence: int) -> None:
+        self.last_sequence = sequence
+        self.received = 1
+        self.lost = 0
+        self.late = 0
+
+    def count(self, sequence: int) -> None:
+        """Account for one more packet; one that comes late or twice is not taken for a gap of 250."""
+        gap = (sequence - self.last_sequence - 1) & 0xFF
+        self.received += 1
+        if gap == 0:
+            self.last_sequence = sequence
+        elif gap < _LATE_SEQUENCE:
+            self.lost += gap
+            self.last_sequence = sequence
+        else:
+            self.late += 1
+
+
+class Decoder:
+    """Cuts a stream of bytes into frames. Damage is data: counted, skipped, never raised.
+
+    ``bad_crc``        frames in step with the stream whose checksum fails
+    ``bad_bytes``      bytes that belong to no valid frame
+    ``unknown``        well-formed frames of messages outside the dialect: handed out, their checksum cannot be verified
+    ``sources``        received and lost packets per (system, component)
+    """
+
+    __slots__ = ("_in_step", "_rest", "bad_bytes", "bad_crc", "sources", "unknown")
+
+    def __init__(self) -> None:
+        self._rest = b""
+        self._in_step = True
+        self.bad_bytes = 0
+        self.bad_crc = 0
+        self.unknown = 0
+        self.sources: dict[tuple[int, int], SourceCount] = {}
+
+    def feed(self, data: bytes) -> list[Frame]:
+        """Frames completed by ``data``, in order; an unfinished frame at the end waits for more."""
+        if self._rest:
+            data = self._rest + data
+            self._rest = b""
+        frames: list[Frame] = []
+        start, size = 0, len(data)
+        while start < size:
+            # The common case, a MAVLink 2 frame without a signature, is written out here; all else in _take_other.
+            if data[start] == MAGIC_V2 and size - start >= OVERHEAD_V2 and data[start + 2] == 0:
+                length = data[start + 1]
+                end = start + OVERHEAD_V2 + length
+                if end > size:
+                    break
+                _, _, _, _, sequence, system, component, low, high, payload, crc = _UNPACK_V2[length](data, start)
+                message_id = low | high << 16
+                extra = CRC_EXTRA_REFLECTED.get(message_id)
+                if extra is not None:
+                    covered = data[start + 1 : end - 2].translate(BYTE_REFLECTED) + extra
+                    if WORD_REFLECTED[crc_hqx(covered, 0xFFFF)] == crc:
+                        source = self.sources.get((system, component))
+                        if source is None:
+                            self.sources[system, component] = SourceCount(sequence)
+                        elif (source.last_sequence + 1) & 0xFF == sequence:
+                            source.last_sequence = sequence
+                            source.received += 1
+                        else:
+                            source.count(sequence)
+                        raw = data if end - start == size else data[start:end]
+                        frames.append(Frame(message_id, sequence, system, component, payload, 2, False, raw))
+                        self._in_step = True
+                        start = end
+                        continue
+            taken = self._take_other(data, start, frames)
+            if taken == 0:
+                break
+            start += taken
+        if start < size:
+            self._rest = data[start:]
+        return frames
+
+    def flush(self) -> None:
+        """Give up an unfinished frame: its bytes are bad. For the end of a file or of a connection."""
+        self.bad_bytes += len(self._rest)
+        self._rest = b""
+        self._in_step = True
+
+    def _take_other(self, data: bytes, start: int, frames: list[Frame]) -> int:
+        """Take a rare frame or skip what is none; returns the bytes used up, 0 if more are needed to tell."""
+        frame_size = frame_size_at(data, start)
+        if frame_size is None:
+            return self._skip(data, start, in_step=False)
+        if frame_size == 0 or start + frame_size > len(data):
+            return 0
+        raw = data[start : start + frame_size]
+        frame = parse_frame(raw)
+        if frame.message_id not in CRC_EXTRA_REFLECTED:
+            after = start + frame_size
+            if after < len(data) and data[after] not in (MAGIC_V1, MAGIC_V2):
+                return self._skip(data, start, in_step=False)
+            self.unknown += 1
+        elif not checksum_holds(frame):
+            return self._skip(data, start, in_step=self._in_step)
+        source = self.sources.get((frame.system, frame.component))
+        if source is not None:
+            source.count(frame.sequence)
+        elif frame.message_id in CRC_EXTRA_REFLECTED:
+            self.sources[frame.system, frame.component] = SourceCount(frame.sequence)
+        frames.append(frame)
+        self._in_step = True
+        return frame_size
+
+    def _skip(self, data: bytes, start: int, *, in_step: bool) -> int:
+        """Count bytes up to the next possible magic byte; a frame found broken in step counts as one bad checksum."""
+        self.bad_crc += in_step
+        self._in_step = False
+        candidates = [at for magic in (b"\xfd", b"\xfe") if (at := data.find(magic, start + 1)) >= 0]
+        skipped = min(candidates, default=len(data)) - start
+        self.bad_bytes += skipped
+        return skipped
+
+
+def frame_size_at(data: bytes, start: int) -> int | None:
+    """Size of the frame beginning at ``start``: 0 if too few bytes are there to tell, None if no frame begins there."""
+    magic = data[start]
+    if magic == MAGIC_V2:
+        if len(data) - start < 3:
+            return 0
+        flags = data[start + 2]
+        if flags & ~FLAG_SIGNED:
+            return None
+        return OVERHEAD_V2 + data[start + 1] + (SIGNATURE_SIZE if flags else 0)
+    if magic == MAGIC_V1:
+        return OVERHEAD_V1 + data[start + 1] if len(data) - start >= 2 else 0
+    return None
+
+
+def parse_frame(raw: bytes) -> Frame:
+    """Header and payload of one whole frame (see :func:`frame_size_at`); its checksum is not looked at."""
+    length = raw[1]
+    if raw[0] == MAGIC_V1:
+        _, _, sequence, system, component, message_id, payload, _ = _UNPACK_V1[length](raw)
+        return Frame(message_id, sequence, system, component, payload, 1, False, raw)
+    _, _, flags, _, sequence, system, component, low, high, payload, _ = _UNPACK_V2[length](raw)
+    return Frame(low | high << 16, sequence, system, component, payload, 2, bool(flags & FLAG_SIGNED), raw)
+
+
+def checksum_holds(frame: Frame) -> bool:
+    """True if the checksum of a frame is right; False for a message outside the dialect: nothing to compare with."""
+    extra = CRC_EXTRA_REFLECTED.get(frame.message_id)
+    if extra is None:
+        return False
+    end = len(frame.raw) - (SIGNATURE_SIZE if frame.signed else 0) - 2
+    covered = frame.raw[1:end].translate(BYTE_REFLECTED) + extra
+    return WORD_REFLECTED[crc_hqx(covered, 0xFFFF)] == int.from_bytes(frame.raw[end : end + 2], "little")
+
+
+def without_signature(raw: bytes) -> bytes:
+    """The same packet unsigned, as a log or an unsigned peer takes it; packets without a signature are returned as is.
+
+    The checksum covers the flag that is cleared. It is linear, so the new one follows from the old without knowing the
+    message's extra byte: unknown messages can be stripped too, and a wrong checksum stays wrong.
+    """
+    if raw[0] != MAGIC_V2 or not raw[2] & FLAG_SIGNED:
+        return raw
+    end = len(raw) - SIGNATURE_SIZE - 2
+    flipped = bytes((0, FLAG_SIGNED)) + bytes(end - 2)
+    crc = int.from_bytes(raw[end : end + 2], "little") ^ checksum(flipped, initial=0)
+    return raw[:2] + bytes((raw[2] & ~FLAG_SIGNED,)) + raw[3:end] + crc.to_bytes(2, "little")
+
+
+def decode(frame: Frame) -> Message | None:
+    """Typed values of a hot-path message, in the wire's units; None for every other message (:func:`decode_any`)."""
+    layout = LAYOUTS.get(frame.message_id)
+    if layout is None:
+        return None
+    payload = frame.payload
+    if len(payload) != layout.size:
+        payload = payload.ljust(layout.size, b"\0")[: layout.size]
+    values = layout.unpack(payload)
+    if layout.groups:
+        values = tuple([values[group] for group in layout.groups])
+    message: Message = tuple.__new__(layout.message_type, values)
+    return message
+
+
+_PYMAVLINK = dialect.MAVLink(None)
+
+
+def decode_any(frame: Frame) -> Any | None:
+    """The pymavlink message of a frame, for what is not on the hot path; None where the dialect has no such message."""
+    if frame.message_id not in CRC_EXTRA_REFLECTED:
+        return None
+    return _PYMAVLINK.decode(bytearray(frame.raw))

@@ -1,0 +1,88 @@
+// What all charts share: axes, grid, shaded gaps, limit lines.
+
+import type uPlot from "uplot";
+import { fixed } from "../format";
+import { colour } from "../theme";
+import type { Gap } from "./decimate";
+
+function labelFont(): string {
+  const root = getComputedStyle(document.documentElement);
+  return `${root.getPropertyValue("--fs-label").trim()} ${root.getPropertyValue("--condensed").trim()}`;
+}
+
+function decimalsOf(step: number): number {
+  return step >= 1 || step === 0 ? (Number.isInteger(step) ? 0 : 1) : Math.min(4, Math.ceil(-Math.log10(step) - 1e-9) + (String(step).replace(/^0?\.0*/, "").length > 1 ? 1 : 0));
+}
+
+function numbers(splits: number[]): string[] {
+  const step = splits.length > 1 ? Number(((splits[1] as number) - (splits[0] as number)).toPrecision(3)) : 1;
+  return splits.map((split) => fixed(split, decimalsOf(step)));
+}
+
+// The unit stands on the last tick.
+function times(unit: string): (u: uPlot, splits: number[]) => string[] {
+  return (u, splits) => {
+    const texts = numbers(splits);
+    const last = splits.length - 1;
+    if (last >= 0 && (splits[last] as number) <= (u.scales.x?.max ?? Infinity)) texts[last] += ` ${unit}`;
+    return texts;
+  };
+}
+
+export function axes(yLabel: string, xUnit = "s"): uPlot.Axis[] {
+  const shared = {
+    stroke: () => colour("text3"),
+    grid: { stroke: () => colour("grid"), width: 1 },
+    ticks: { show: false },
+    font: labelFont(),
+  };
+  return [
+    { ...shared, size: 20, gap: 3, space: 44, values: times(xUnit) },
+    { ...shared, size: 34, gap: 4, space: 24, values: (_u, splits) => numbers(splits), label: yLabel, labelSize: 16, labelGap: 0, labelFont: labelFont() },
+  ];
+}
+
+export function gapPainter(gaps: () => Gap[], named: () => boolean): (u: uPlot) => void {
+  return (u) => {
+    const { ctx, bbox } = u;
+    ctx.save();
+    for (const gap of gaps()) {
+      const left = Math.max(bbox.left, u.valToPos(gap.fromS, "x", true));
+      const right = Math.min(bbox.left + bbox.width, u.valToPos(gap.toS, "x", true));
+      if (right <= left) continue;
+      ctx.fillStyle = colour("raise");
+      ctx.fillRect(left, bbox.top, Math.max(1, right - left), bbox.height);
+      if (!named()) continue;
+      ctx.fillStyle = colour("text3");
+      ctx.font = `${11 * devicePixelRatio}px ${getComputedStyle(document.documentElement).getPropertyValue("--condensed")}`;
+      ctx.textBaseline = "bottom";
+      ctx.textAlign = left > bbox.left + bbox.width * 0.7 ? "right" : "left";
+      ctx.fillText(`gap ${(gap.toS - gap.fromS).toFixed(2)} s`, left + (ctx.textAlign === "right" ? -4 : 4), bbox.top + bbox.height - 2);
+    }
+    ctx.restore();
+  };
+}
+
+export function limitPainter(limits: { value: number; text: string }[]): (u: uPlot) => void {
+  return (u) => {
+    const { ctx, bbox } = u;
+    ctx.save();
+    for (const limit of limits) {
+      const y = u.valToPos(limit.value, "y", true);
+      if (y < bbox.top || y > bbox.top + bbox.height) continue;
+      ctx.strokeStyle = colour("caution");
+      ctx.setLineDash([5 * devicePixelRatio, 4 * devicePixelRatio]);
+      ctx.lineWidth = devicePixelRatio;
+      ctx.beginPath();
+      ctx.moveTo(bbox.left, y);
+      ctx.lineTo(bbox.left + bbox.width, y);
+      ctx.stroke();
+      ctx.fillStyle = colour("caution");
+      ctx.font = `${11 * devicePixelRatio}px ${getComputedStyle(document.documentElement).getPropertyValue("--condensed")}`;
+      ctx.textAlign = "left";
+      ctx.textBaseline = "bottom";
+      ctx.fillText(limit.text, bbox.left + 4, y - 2);
+    }
+    ctx.restore();
+  };
+}

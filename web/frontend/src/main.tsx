@@ -1,0 +1,20 @@
+import { render } from "preact";
+import "uplot/dist/uPlot.min.css";
+import "../styles/app.css";
+import { startKeepingControls } from "./actions";
+import { openSession } from "./api";
+import { Frame } from "./frame";
+import { listenForKeys, releaseKey } from "./keys";
+import { listenForScene } from "./scene_keys";
+import { startStream } from "./stream";
+import { applyTheme, watchTheme } from "./theme";
+
+applyTheme();
+watchTheme();
+listenForKeys(window);
+listenForScene();
+window.addEventListener("blur", () => ["l", "g"].forEach(releaseKey));
+render(<Frame />, document.body);
+void openSession();
+startStream();
+startKeepingControls();

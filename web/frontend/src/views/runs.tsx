@@ -1,0 +1,38 @@
+// Runs: what has been recorded.
+
+import type { JSX } from "preact";
+import { useEffect, useState } from "preact/hooks";
+import { request, StationError } from "../api";
+import { megabytes, minutes } from "../format";
+
+interface Run {
+  name: string;
+  size_bytes: number;
+  length_s: number | null;
+}
+
+export function RunsView(): JSX.Element {
+  const [runs, setRuns] = useState<Run[] | null>(null);
+  const [problem, setProblem] = useState("");
+  useEffect(() => {
+    request<Run[]>("/api/runs").then(setRuns).catch((error: unknown) => {
+      if (!(error instanceof StationError)) throw error;
+      setProblem(error.message);
+    });
+  }, []);
+  return (
+    <section class="panel whole" data-testid="runs">
+      <header class="head"><h2>Runs</h2><span class="sub">newest first</span></header>
+      {problem && <p class="refusal">{problem}</p>}
+      {runs?.length === 0 && <p class="empty"><b>No run recorded yet.</b>Each flight is recorded from the first packet. Start the station with a vehicle and its folder appears here.</p>}
+      {runs && runs.length > 0 && (
+        <div class="scroll"><table class="grid-table runs-table">
+          <thead><tr><th>Run</th><th>Length</th><th>Size</th></tr></thead>
+          <tbody>{runs.map((run) => (
+            <tr key={run.name}><td>{run.name}</td><td>{run.length_s === null ? "–" : minutes(run.length_s)}</td><td>{megabytes(run.size_bytes)}</td></tr>))}</tbody>
+        </table></div>
+      )}
+      <p class="empty">Open a run in any ground station (flight.tlog) or in Foxglove (signals.mcap). Replay in this view comes later.</p>
+    </section>
+  );
+}

@@ -1,0 +1,32 @@
+// Runs inside the scene's page. Keys pressed while the scene has the focus belong to the dashboard, safety keys above all:
+// they are handed to the parent, and viser's own keys stay off. Letting go of the pointer gives the focus back.
+"use strict";
+(() => {
+  if (window.parent === window) return;
+  const origin = window.location.origin;
+  const forward = (phase) => (event) => {
+    event.stopImmediatePropagation();
+    if (["Tab", "F5", "F11", "F12"].includes(event.key)) return;
+    if (!event.ctrlKey && !event.metaKey && !event.altKey) event.preventDefault();
+    window.parent.postMessage(
+      {
+        type: "scene-key",
+        phase,
+        key: event.key,
+        code: event.code,
+        ctrlKey: event.ctrlKey,
+        shiftKey: event.shiftKey,
+        altKey: event.altKey,
+        metaKey: event.metaKey,
+        repeat: event.repeat,
+      },
+      origin,
+    );
+  };
+  window.addEventListener("keydown", forward("down"), true);
+  window.addEventListener("keyup", forward("up"), true);
+  window.addEventListener("pointerup", () => {
+    window.parent.focus();
+    window.parent.postMessage({ type: "scene-pointerup" }, origin);
+  });
+})();
