@@ -58,8 +58,13 @@ def achievable(wanted: Array, limits: Array, given: Array) -> int:
     if abs(yaw_part) > room:
         yaw_part = math.copysign(max(room, 0.0), yaw_part)
         cut |= YAW_TORQUE_CUT
-    given[0] = 4.0 * mean
-    given[1] = 4.0 * lever * roll_part
-    given[2] = 4.0 * lever * pitch_part
-    given[3] = 4.0 * yaw_lever * yaw_part
+    # What is not cut is handed back bit for bit: a rounding error must not look like saturation.
+    given[:] = wanted
+    if cut & THRUST_CUT:
+        given[0] = 4.0 * mean
+    if cut & TILT_TORQUE_CUT:
+        given[1] = 4.0 * lever * roll_part
+        given[2] = 4.0 * lever * pitch_part
+    if cut & YAW_TORQUE_CUT:
+        given[3] = 4.0 * yaw_lever * yaw_part
     return cut

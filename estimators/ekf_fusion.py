@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from estimators.ekf_alignment import adopt_earth_field, level_heading_rad, set_yaw, start_provisional_field
+from estimators.ekf_alignment import adopt_earth_field, set_yaw, start_provisional_field
 from estimators.ekf_measurements import (
     attitude_rows,
     barometer_row,
@@ -37,9 +37,9 @@ from estimators.ekf_model import (
 from estimators.ekf_parameters import EkfParameters, PoseAttitude
 from estimators.ekf_state import EkfState, Reset
 from estimators.kalman import joseph_update, reset_block
-from models.atmosphere_height import pressure_height_m
+from models.atmosphere import height_m as pressure_height_m
 from models.estimate import Innovation
-from models.frames import STANDARD_GRAVITY_M_S2, Array, Geodetic, Vec3, ned_from_geodetic, wrap_angle
+from models.frames import STANDARD_GRAVITY_M_S2, Array, Geodetic, Vec3, ned_from_geodetic
 from models.samples import BarometerSample, GnssSample, MagnetometerSample, PoseSample, RangeSample
 
 ZERO = np.zeros(3)
@@ -95,7 +95,14 @@ def stuck(state: EkfState, source: str, time_s: float, params: EkfParameters) ->
 
 
 def reset_position(
-    state: EkfState, source: str, time_s: float, reason: str, position: Array, std_m: Vec3, velocity: Array | None, std: float
+    state: EkfState,
+    source: str,
+    time_s: float,
+    reason: str,
+    position: Array,
+    std_m: Vec3,
+    velocity: Array | None,
+    speed_std_m_s: float,
 ) -> None:
     """Put the position (and velocity, where measured) on a measurement and forget its old uncertainty; report it."""
     before = state.nominal[:6].copy()
@@ -104,13 +111,11 @@ def reset_position(
     if velocity is not None:
         known = np.isfinite(velocity)
         state.nominal[VELOCITY] = np.where(known, velocity, 0.0)
-        reset_block(state.covariance, ERROR_VELOCITY, np.where(known, std * std, 1.0))
+        reset_block(state.covariance, ERROR_VELOCITY, np.where(known, speed_std_m_s**2, 1.0))
     state.barometer_started = False
     state.positioned = True
     delta = (state.nominal[:6] - before).tolist()
-    state.resets.append(
-        Reset(source, time_s, reason, (delta[0], delta[1], delta[2]), (delta[3], delta[4], delta[5]))
-    )
+    state.resets.append(Reset(source, time_s, reason, (delta[0], delta[1], delta[2]), (delta[3], delta[4], delta[5])))
 
 
 def fuse_pose(state: EkfState, sample: PoseSample, nominal: Array, params: EkfParameters) -> None:
@@ -126,16 +131,15 @@ def fuse_pose(state: EkfState, sample: PoseSample, nominal: Array, params: EkfPa
     position_rows(nominal, position, ZERO, 0.0, state.innovation, state.jacobian)
     state.variance[:3] = std * std
     quaternion = np.array(sample.ned_from_body)
+    w, x, y, z = sample.ned_from_body
+    yaw = math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
     if params.pose_attitude is PoseAttitude.FULL:
         attitude_rows(nominal, quaternion, 3, state.innovation, state.jacobian)
         state.variance[3:5] = params.pose_tilt_std_rad**2
         state.variance[5] = params.pose_yaw_std_rad**2
         rows = 6
     else:
-        w, x, y, z = sample.ned_from_body
-        heading_row(
-            nominal, math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z), 3, state.innovation, state.jacobian
-        )
+        heading_row(nominal, yaw, 3, state.innovation, state.jacobian)
         state.variance[3] = params.pose_yaw_std_rad**2
         rows = 4
     outcome = fuse(state, "pose", stamp, sample.arrival_s, rows)
@@ -143,18 +147,13 @@ def fuse_pose(state: EkfState, sample: PoseSample, nominal: Array, params: EkfPa
     if not outcome.accepted and stuck(state, "pose", stamp, params):
         reset_position(state, "pose", stamp, "rejected for long", position, (std, std, std), None, 0.0)
         reset_block(state.covariance, ERROR_VELOCITY, np.full(3, 1.0))
-        yaw = 2.0 * math.atan2(quaternion[3], quaternion[0])
-        yaw = math.atan2(
-            2.0 * (quaternion[0] * quaternion[3] + quaternion[1] * quaternion[2]),
-            1.0 - 2.0 * (quaternion[2] ** 2 + quaternion[3] ** 2),
-        )
-        set_yaw(state, "pose", stamp, "rejected for long", yaw, 10.0 * params.pose_yaw_std_rad)
+        set_yaw(state, "pose", stamp, "rejected for long", yaw, params.pose_yaw_std_rad)
 
 
 def _open_biases(state: EkfState, outcome: Innovation, rows: int, params: EkfParameters) -> None:
     """NIS-triggered inflation: a running mean of NIS per row above its threshold opens the bias covariance once.
 
-    Keeps the process noise matched (a filter that is consistent in peace) and relearns a jumped bias in a second or two.
+    The process noise stays matched, so the filter is consistent in peace, and a jumped bias is relearnt within seconds.
     """
     if not params.bias_inflation:
         return
@@ -310,10 +309,3 @@ def tilt_std_rad(state: EkfState) -> float:
     p = state.covariance
     i = ERROR_ATTITUDE
     return math.sqrt(max(p[i, i], p[i + 1, i + 1], 0.0))
-
-
-def heading_error_rad(state: EkfState, sample: MagnetometerSample) -> float:
-    """How far the heading by magnetometer is from the estimate [rad]."""
-    q = state.nominal[6:10]
-    yaw = math.atan2(2.0 * (q[0] * q[3] + q[1] * q[2]), 1.0 - 2.0 * (q[2] ** 2 + q[3] ** 2))
-    return wrap_angle(level_heading_rad(state, sample) - yaw)

@@ -39,7 +39,7 @@ def position_rows(
 def velocity_rows(
     nominal: Array, velocity_ned_m_s: Array, lever_body_m: Array, imu: Array, innovation: Array, jacobian: Array
 ) -> None:
-    """Three rows: velocity of a point of the body, v + R (w x lever) - a delay, from the IMU reading (6,) of the moment."""
+    """Three rows: velocity of a point of the body, v + R (w x lever) - a delay, with the IMU reading (6,) then."""
     r = rotation_from_quaternion(nominal[6:10])
     w = np.empty(3)
     f = np.empty(3)

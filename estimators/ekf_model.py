@@ -1,8 +1,8 @@
 """Process model of the full-state filter: layout of its states, propagation of state and covariance, injection.
 
 Raja (3.8) and (3.11)-(3.12) with the IMU as input, as a multiplicative error-state filter: the nominal quaternion stays
-on the unit sphere and its error is a rotation vector in body axes, q_true = q (x) exp(error). The additive 16-state form
-that only normalises q drifts off that sphere's tangent space and diverges after minutes.
+on the unit sphere and its error is a rotation vector in body axes, q_true = q (x) exp(error). The additive 16-state
+form that only normalises q lets its covariance leave that sphere's tangent space, and diverges after minutes.
 
     error                  nominal
      0:3   position [m]     0:3   position, ned

@@ -20,7 +20,7 @@ class EkfParameters:
     """Tuning of :mod:`estimators.full_state_ekf`. Defaults are the sensors of the reference quadrotor.
 
     Noise densities are per root hertz, walks are densities of the derivative; ``*_std`` are 1-sigma. A delay is the age
-    of a measurement at its own stamp; ``horizon_s`` must cover the longest of them plus its transport.
+    of a measurement at its own stamp; the fusion horizon grows from ``horizon_s`` to the age of the oldest seen.
 
     Process (reference quadrotor): ``gyro_noise`` rad/s, ``accel_noise`` m/s^2, ``gyro_bias_walk``, ``accel_bias_walk``.
     """
@@ -77,13 +77,14 @@ class EkfParameters:
     use_range: bool = True
     range_std_m: float = 0.02
 
-    # Accelerometer rows of Raja (3.14): off at zero. .235 1/s is the reference quadrotor in still air; the wind widens them.
+    # Accelerometer rows of Raja (3.14), off at zero; .235 1/s is the reference quadrotor. Unknown wind widens them.
     drag_1_s: float = 0.0
     drag_accel_std_m_s2: float = 0.1
     wind_std_m_s: float = 3.0
 
     # Order and time.
     horizon_s: float = 0.0
+    max_horizon_s: float = 0.4
     late_tolerance_s: float = 0.06
     max_imu_gap_s: float = 0.5
 

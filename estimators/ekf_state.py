@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TypeVar
 
 import numpy as np
 
@@ -17,7 +16,6 @@ from models.samples import AnySample, ImuSample, MagnetometerSample, PoseSample
 
 IMU_RING_SIZE = 1024
 NEVER_S = -math.inf
-SampleKind = TypeVar("SampleKind", bound=AnySample)
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +54,9 @@ class SourceHealth:
         """Measure the interval between stamps: a running mean over about five."""
         step_s = stamp_s - self.stamp_s
         if 0.0 < step_s < 10.0:
-            self.interval_s = step_s if math.isnan(self.interval_s) else self.interval_s + 0.2 * (step_s - self.interval_s)
+            self.interval_s = (
+                step_s if math.isnan(self.interval_s) else self.interval_s + 0.2 * (step_s - self.interval_s)
+            )
         self.stamp_s = max(self.stamp_s, stamp_s)
 
     def silence_limit_s(self, params: EkfParameters) -> float:
@@ -92,12 +92,13 @@ class EkfState:
     """Time of the fusion horizon: ``nominal`` and ``covariance`` are of this moment."""
     newest_s: float = NEVER_S
     newest_arrival_s: float = NEVER_S
+    horizon_s: float = 0.0
+    """How far the fusion horizon stays behind the newest IMU sample."""
     queue: list[tuple[float, int, AnySample]] = field(default_factory=list)
     queued: int = 0
     health: dict[str, SourceHealth] = field(default_factory=dict)
 
     origin: Geodetic | None = None
-    origin_is_vehicles: bool = False
     positioned: bool = False
     field_known: bool = False
     field_started: bool = False
@@ -151,6 +152,6 @@ def initial(params: EkfParameters) -> EkfState:
         density=density,
         thresholds=gate_thresholds(params.gate_false_alarm),
         imu_ring=np.zeros((IMU_RING_SIZE, 7)),
+        horizon_s=params.horizon_s,
         origin=params.origin,
-        origin_is_vehicles=params.origin is not None,
     )

@@ -1,4 +1,4 @@
-"""Typed commands: one path for browser, command line and scripts. The flight process accepts each, or refuses with a reason."""
+"""Typed commands: one path for browser, command line and scripts; the flight process accepts each or says why not."""
 
 from __future__ import annotations
 

@@ -31,7 +31,12 @@ def main() -> None:
     """Import the kernel modules one by one: explicit signatures make the import compile or load the cache."""
     started = time.monotonic()
     names = kernel_modules()
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total}"), TimeElapsedColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed}/{task.total}"),
+        TimeElapsedColumn(),
+    )
     with Progress(*columns, console=Console()) as progress:
         task = progress.add_task("compiling kernels", total=len(names))
         for name in names:

@@ -8,12 +8,23 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
-from enum import Enum
-from typing import NamedTuple
 
 from models.frames import Quaternion, Vec3
 from sitl import inner_loop, position_control
-from sitl.mission import Mission
+from sitl.mission import Action, Mission
+from sitl.modes import (
+    ARMABLE_MODES,
+    STICK_MODES,
+    ActuatorTarget,
+    AttitudeTarget,
+    BodyVelocityTarget,
+    Mode,
+    OffboardTarget,
+    RatesTarget,
+    Result,
+    Severity,
+    Sticks,
+)
 from sitl.navigation import Navigation
 from sitl.position_control import PositionControl, Target
 from sitl.sensors import Sensors
@@ -27,88 +38,6 @@ _LANDED_AFTER_US = 500_000
 _SLOWEST_SETPOINTS_HZ = 2.0
 
 
-class Mode(Enum):
-    """PX4 flight modes: (main, sub) of ``custom_mode``."""
-
-    MANUAL = (1, 0)
-    ALTCTL = (2, 0)
-    POSCTL = (3, 0)
-    OFFBOARD = (6, 0)
-    TAKEOFF = (4, 2)
-    LOITER = (4, 3)
-    MISSION = (4, 4)
-    RTL = (4, 5)
-    LAND = (4, 6)
-
-    @property
-    def custom_mode(self) -> int:
-        """The number in HEARTBEAT."""
-        main, sub = self.value
-        return int(main << 16 | sub << 24)
-
-
-_STICK_MODES = (Mode.MANUAL, Mode.ALTCTL, Mode.POSCTL)
-_ARMABLE = (*_STICK_MODES, Mode.OFFBOARD, Mode.LOITER, Mode.TAKEOFF, Mode.MISSION)
-
-
-class Result(Enum):
-    """MAV_RESULT of a command."""
-
-    ACCEPTED = 0
-    TEMPORARILY_REJECTED = 1
-    DENIED = 2
-    UNSUPPORTED = 3
-
-
-class Severity(Enum):
-    """MAV_SEVERITY of a STATUSTEXT."""
-
-    CRITICAL = 2
-    WARNING = 4
-    INFO = 6
-
-
-class AttitudeTarget(NamedTuple):
-    """Attitude and thrust 0..1 of full thrust."""
-
-    ned_from_body: Quaternion
-    thrust: float
-
-
-class RatesTarget(NamedTuple):
-    """Body rates [rad/s] and thrust 0..1."""
-
-    rates_body_rad_s: Vec3
-    thrust: float
-
-
-class ActuatorTarget(NamedTuple):
-    """Roll, pitch, yaw -1..1 of the torque scales and thrust 0..1, straight to the mixer."""
-
-    controls: tuple[float, float, float, float]
-
-
-class BodyVelocityTarget(NamedTuple):
-    """Velocity in the heading frame (forward, right, down) [m/s] and heading or its rate."""
-
-    velocity_m_s: Vec3
-    yaw_rad: float
-    yaw_rate_rad_s: float
-
-
-OffboardTarget = AttitudeTarget | RatesTarget | ActuatorTarget | BodyVelocityTarget | Target
-
-
-class Sticks(NamedTuple):
-    """Pitch forward, roll right, throttle 0..1, yaw right; the others -1..1."""
-
-    forward: float
-    right: float
-    throttle: float
-    yaw: float
-    time_us: int
-
-
 class Autopilot:
     """Modes and failsafes of one vehicle. ``announce`` takes what it has to say (STATUSTEXT)."""
 
@@ -118,10 +47,11 @@ class Autopilot:
         navigation: Navigation,
         sensors: Sensors,
         parameters: VehicleParameters,
+        mission: Mission,
         announce: Callable[[Severity, str], None],
     ) -> None:
         self.parameters = parameters
-        self.mission = Mission()
+        self.mission = mission
         self.mode = Mode.LOITER
         self.armed = False
         self.landed = True
@@ -165,7 +95,7 @@ class Autopilot:
     def _arming_refusal(self) -> str | None:
         battery = self._sensors.battery.latest
         roll, pitch, _ = self._navigation.state().euler_rad
-        if self.mode not in _ARMABLE:
+        if self.mode not in ARMABLE_MODES:
             return f"mode {self.mode.name} cannot be armed in, switch to Hold"
         if battery is not None and battery.remaining < self.parameters["BAT_CRIT_THR"]:
             return "battery critical"
@@ -203,7 +133,7 @@ class Autopilot:
             return Result.TEMPORARILY_REJECTED
         if mode is Mode.TAKEOFF:
             return self.take_off(math.nan)
-        if mode in _STICK_MODES and self.armed and not self.landed and not self._sticks_alive():
+        if mode in STICK_MODES and self.armed and not self.landed and not self._sticks_alive():
             self._announce(Severity.CRITICAL, f"{mode.name} denied: no manual control input")
             return Result.TEMPORARILY_REJECTED
         self._enter(mode)
@@ -252,7 +182,7 @@ class Autopilot:
         override = int(self.parameters["COM_RC_OVERRIDE"])
         allowed = override & 2 if self.mode is Mode.OFFBOARD else override & 1
         moved = max(abs(forward), abs(right), abs(yaw)) * 100.0 > self.parameters["COM_RC_STICK_OV"]
-        if self.armed and not self.landed and self.mode not in _STICK_MODES and allowed and moved:
+        if self.armed and not self.landed and self.mode not in STICK_MODES and allowed and moved:
             self._announce(Severity.WARNING, "Pilot took over using sticks")
             self._enter(Mode.POSCTL)
 
@@ -408,12 +338,12 @@ class Autopilot:
             self._advance_return(nav.position_ned_m)
         elif self.mode is Mode.MISSION:
             step = self.mission.advance(nav.position_ned_m, self._vehicle.time_us, landed=self.landed)
-            if step.action is Mission.Action.LAND:
+            if step.action is Action.LAND:
                 self._land_at(*step.position_ned_m[:2])
-            elif step.action is Mission.Action.DONE:
+            elif step.action is Action.DONE:
                 self._announce(Severity.INFO, "Mission finished, loitering")
                 self._enter(Mode.LOITER)
-            elif step.action is Mission.Action.RETURN:
+            elif step.action is Action.RETURN:
                 self._enter(Mode.RTL)
             else:
                 self._target = Target(step.position_ned_m, yaw_rad=self._target.yaw_rad, speed_m_s=self.cruise_m_s)
@@ -444,7 +374,7 @@ class Autopilot:
             if held_s > self.parameters["SIM_OBL_HOLD_T"] and not self.landed:
                 self._announce(Severity.CRITICAL, "Offboard control lost: landing")
                 self._enter(Mode.LAND)
-        if self.mode in _STICK_MODES and self._sticks is not None and not self._sticks_alive() and not self.landed:
+        if self.mode in STICK_MODES and self._sticks is not None and not self._sticks_alive() and not self.landed:
             self._announce(Severity.CRITICAL, "Manual control lost: holding")
             self._sticks = None
             self._enter(Mode.LOITER)
@@ -473,6 +403,10 @@ class Autopilot:
         if self._flown:
             wait, since, why = self.parameters["COM_DISARM_LAND"], self._contact_us, "Disarmed by landing"
         else:
-            wait, since, why = self.parameters["COM_DISARM_PRFLT"], self._armed_us, "Disarmed by auto preflight disarming"
+            wait, since, why = (
+                self.parameters["COM_DISARM_PRFLT"],
+                self._armed_us,
+                "Disarmed by auto preflight disarming",
+            )
         if wait >= 0.0 and (now - since) * 1e-6 > wait:
             self._stop(why)

@@ -77,7 +77,12 @@ def _velocity_target(target: Target, nav: NavigationState, parameters: VehiclePa
 
 
 def _acceleration(
-    memory: PositionControl, target: Target, velocity: list[float], nav: NavigationState, p: VehicleParameters, dt_s: float
+    memory: PositionControl,
+    target: Target,
+    velocity: list[float],
+    nav: NavigationState,
+    p: VehicleParameters,
+    dt_s: float,
 ) -> list[float]:
     acceleration = [0.0, 0.0, 0.0]
     for i in range(3):

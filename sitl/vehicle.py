@@ -111,15 +111,9 @@ def run_ticks(
             state[9] + before[9],
         )
         n = 1.0 / (w * w + x * x + y * y + z * z)
-        b0 = n * (
-            (w * w + x * x - y * y - z * z) * fx + 2.0 * (x * y + w * z) * fy + 2.0 * (x * z - w * y) * fz
-        )
-        b1 = n * (
-            2.0 * (x * y - w * z) * fx + (w * w - x * x + y * y - z * z) * fy + 2.0 * (y * z + w * x) * fz
-        )
-        b2 = n * (
-            2.0 * (x * z + w * y) * fx + 2.0 * (y * z - w * x) * fy + (w * w - x * x - y * y + z * z) * fz
-        )
+        b0 = n * ((w * w + x * x - y * y - z * z) * fx + 2.0 * (x * y + w * z) * fy + 2.0 * (x * z - w * y) * fz)
+        b1 = n * (2.0 * (x * y - w * z) * fx + (w * w - x * x + y * y - z * z) * fy + 2.0 * (y * z + w * x) * fz)
+        b2 = n * (2.0 * (x * z + w * y) * fx + 2.0 * (y * z - w * x) * fy + (w * w - x * x - y * y + z * z) * fz)
         standing = flags[0] > 0.0
         for i in range(3):
             turned = state[10 + i] if standing else 0.5 * (before[10 + i] + state[10 + i])

@@ -1,7 +1,7 @@
 """Who may come in: the one-time login link, password users, sessions and their CSRF tokens.
 
-Secrets are compared in constant time. Sessions are kept on disk as SHA-256 digests in the runtime folder (mode 0700), so that a
-web process restarted by its supervisor in flight does not throw its operator out.
+Secrets are compared in constant time. Sessions are kept on disk as SHA-256 digests in the runtime folder (mode 0700),
+so that a web process restarted by its supervisor in flight does not throw its operator out.
 """
 
 from __future__ import annotations

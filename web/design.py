@@ -1,19 +1,17 @@
-"""What the pages need to know of controllers and trajectories: tables, the live gain sets, and predictions of a change."""
+"""What pages need to know of controllers and trajectories: tables, live gain sets, and predictions of a change."""
 
 from __future__ import annotations
 
-import math
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import msgspec
-
 from controllers.design import DesignReport, predict
+
 from controllers.gains import (
     GainError,
     GainSet,
     edited,
     gain_set_names,
-    kind_of,
     load_gain_set,
     table_of,
     values,

@@ -1,6 +1,7 @@
 """The gate in front of every request: host, session, same origin, CSRF token, and the security headers on the way out.
 
-One ASGI layer around the whole application, so that a route cannot forget it. Open without a session: ``/login`` and its assets.
+One ASGI layer around the whole application, so that a route cannot forget it. Open without a session: ``/login`` and
+its assets.
 """
 
 from __future__ import annotations
@@ -38,9 +39,10 @@ def page_policy(host: str) -> str:
 
 
 def scene_policy(host: str, nonce: str) -> str:
-    """Policy of the scene's page: viser unpacks itself from one inline script, runs WebAssembly and a worker, styles inline.
+    """Policy of the scene's page.
 
-    It may open its own WebSocket and nothing else on this host.
+    viser unpacks itself from one inline script, runs WebAssembly and a worker, and styles inline. The page may
+    open its own WebSocket and nothing else on this host.
     """
     return "; ".join(
         (

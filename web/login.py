@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import math
 import string
+from ipaddress import ip_address
 from pathlib import Path
 from urllib.parse import parse_qs
 
@@ -18,6 +19,7 @@ PAGES = Path(__file__).parent / "pages"
 _ASSETS = {"login.css": "text/css", "login.js": "text/javascript"}
 _PAGE = string.Template((PAGES / "login.html").read_text())
 
+_ONLY_HERE = "The one-time link works on the computer that runs the station. Elsewhere, log in with name and password."
 LINK_HELP = "Print a new link on the computer that runs the station: gcs login"
 _ONE_TIME_FORM = (
     '<form id="one-time" method="post" action="/login">'
@@ -34,6 +36,13 @@ _PASSWORD_FORM = (
 
 def _page(message: str, forms: str = _PASSWORD_FORM, status: int = 200) -> HTMLResponse:
     return HTMLResponse(_PAGE.substitute(message=html.escape(message), forms=forms), status_code=status)
+
+
+def _is_local(request: Request) -> bool:
+    """Whether the request comes from this computer: from loopback, or from the very address it was sent to."""
+    if request.client is None:
+        return False
+    return ip_address(request.client.host).is_loopback or request.client.host == request.scope["server"][0]
 
 
 class Login:
@@ -77,6 +86,8 @@ class Login:
             return _page("The form could not be read.", status=400)
         token = fields.get("token", [""])[0]
         if token:
+            if not _is_local(request):
+                return _page(_ONLY_HERE, status=403)
             if self._link.consume(token):
                 return self._admit(request, *self._sessions.open_by_link())
             self._limiter.failed(address)

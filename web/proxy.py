@@ -1,7 +1,7 @@
 """The authenticated way to the scene: page and WebSocket of viser under ``/scene``.
 
-The gate in front has checked session and origin. Towards viser only camera messages pass; everything else a page might send
-is dropped.
+The gate in front has checked session and origin. Towards viser only camera messages pass; everything else a page
+might send is dropped.
 """
 
 from __future__ import annotations
@@ -38,10 +38,7 @@ class _ViserMessage(msgspec.Struct):
 def scene_page(viser_page: str, nonce: str) -> str:
     """viser's page with our style and key bridge in front, every script carrying the nonce of the policy."""
     page = _SCRIPT_TAG.sub(f'<script nonce="{nonce}"', viser_page)
-    ours = (
-        '<link rel="stylesheet" href="/scene/scene.css">'
-        f'<script nonce="{nonce}" src="/scene/bridge.js"></script>'
-    )
+    ours = f'<link rel="stylesheet" href="/scene/scene.css"><script nonce="{nonce}" src="/scene/bridge.js"></script>'
     return page.replace("<head>", f"<head>{ours}", 1)
 
 

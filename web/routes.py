@@ -71,9 +71,7 @@ def json_response(value: object, status: int = 200) -> Response:
 
 def struct_schemas() -> tuple[dict[str, Any], dict[str, Any], dict[str, dict[str, Any]]]:
     """JSON schemas of the command body, of the answer, and of everything they refer to."""
-    (command, answer), components = msgspec.json.schema_components(
-        (AnyCommand, Answer), ref_template=SCHEMA_REFERENCE
-    )
+    (command, answer), components = msgspec.json.schema_components((AnyCommand, Answer), ref_template=SCHEMA_REFERENCE)
     return command, answer, components
 
 
@@ -81,7 +79,9 @@ def _command_api() -> dict[str, Any]:
     command, answer, _ = struct_schemas()
     return {
         "requestBody": {"required": True, "content": {"application/json": {"schema": command}}},
-        "responses": {"200": {"description": "Accepted, or why not", "content": {"application/json": {"schema": answer}}}},
+        "responses": {
+            "200": {"description": "Accepted, or why not", "content": {"application/json": {"schema": answer}}}
+        },
     }
 
 
@@ -178,10 +178,12 @@ def _add_design(router: APIRouter, station: Station) -> None:
 
     @router.post("/design")
     async def predict(request: Request) -> Response:
-        """Poles, margins and steps of the live gain set and of the staged one: {"controller", "changes": {key: value}}."""
+        """Poles, margins and steps of the live gain set and of a staged one: {"controller", "changes": {key: value}}."""
         try:
             wanted = msgspec.json.decode(await request.body(), type=design.DesignRequest)
             report = await to_thread.run_sync(design.predict_change, wanted, station.feed.status)
-        except (msgspec.DecodeError, design.DesignError) as error:
+        except msgspec.DecodeError as error:
             raise HTTPException(422, readable(error)) from error
+        except design.DesignError as error:
+            raise HTTPException(422, str(error)) from error
         return json_response(report)

@@ -11,7 +11,7 @@ _SUMMARY = "run.json"
 
 
 def list_runs(folder: Path) -> list[dict[str, Any]]:
-    """Run folders, newest first: name, size and what ``run.json`` says. A folder without a readable one is still listed."""
+    """Run folders, newest first: name, size and what ``run.json`` says, which may be nothing if it is damaged."""
     if not folder.is_dir():
         return []
     runs = [path for path in folder.iterdir() if (path / _SUMMARY).is_file()]

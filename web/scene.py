@@ -1,6 +1,7 @@
 """The three-dimensional scene: vehicle, trail, reference and position uncertainty, drawn with viser.
 
-viser knows no sessions, so it listens on loopback only, draws, and takes no command; browsers reach it through :mod:`web.proxy`.
+viser knows no sessions, so it listens on loopback only, draws, and takes no command; browsers reach it through
+:mod:`web.proxy`.
 viser's world is x east, y north, z up (``enu``); everything is turned into it here and nowhere else.
 """
 
@@ -19,7 +20,7 @@ import viser
 
 from gcs.signals import SLICES
 from models.arrays import Array
-from models.frames import quaternion_multiply, rotation_from_quaternion
+from models.frames import quaternion_multiply
 from models.parameters import load_quadrotor
 
 VIEWS = ("free", "chase", "top", "north")

@@ -1,18 +1,20 @@
 """What goes to the browsers: signal frames, status and events, from one feed to any number of WebSockets.
 
-Every browser has its own bounded outbox in which the newest wins: one that reads slowly misses frames, and holds up nobody.
+Every browser has its own bounded outbox in which the newest wins: one that reads slowly misses frames, and holds up
+nobody.
 """
 
 from __future__ import annotations
 
 import asyncio
 from collections import deque
+from collections.abc import Iterator
 from typing import Any
 
 import msgspec
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from gcs.records import Event
+from gcs.records import Event, RecordingStatus
 from gcs.signals import FRAME_SIZE, SIGNALS, SLICES
 from web.auth import Session, SessionStore
 
@@ -75,6 +77,7 @@ class Feed:
         self.status: dict[str, Any] | None = None
         self.events: deque[Event] = deque(maxlen=_EVENTS_KEPT)
         self.malformed = 0
+        self._recording: dict[str, Any] = {}
         self._frames: deque[bytes] = deque(maxlen=_BACKLOG_FRAMES)
         self._outboxes: dict[Outbox, Session] = {}
 
@@ -88,7 +91,7 @@ class Feed:
         return sorted({session.name for session in self._outboxes.values()})
 
     def add_signals(self, payload: bytes) -> None:
-        """Take one or more concatenated frames of :mod:`gcs.signals`; anything of another length is counted and dropped."""
+        """Take one or more joined frames of :mod:`gcs.signals`; anything of another length is counted and dropped."""
         if not payload or len(payload) % FRAME_BYTES:
             self.malformed += 1
             return
@@ -104,15 +107,28 @@ class Feed:
         status = self._object(payload)
         if status is None:
             return
-        self.status = {**status, "type": "status"}
+        self.status = {**status, **self._recording, "type": "status"}
         text = msgspec.json.encode(self.status).decode()
         for outbox in self._outboxes:
             outbox.status = text
             outbox.ready.set()
 
+    def add_recording(self, recording: RecordingStatus) -> None:
+        """Take the state of the recorder; it goes out with the next status."""
+        self._recording = {
+            "recording": recording.run if recording.state == "recording" else "",
+            "recording_state": recording.state,
+            "recording_bytes": recording.size_bytes,
+            "recording_reason": recording.reason,
+        }
+
     def add_event(self, event: Event) -> None:
         self.events.append(event)
         self._tell(event_fields(event))
+
+    def frames(self) -> Iterator[bytes]:
+        """Frames of the last two minutes, oldest first."""
+        return iter(tuple(self._frames))
 
     def backlog(self) -> list[bytes]:
         """Signal frames of the last two minutes, joined into chunks."""

@@ -6,9 +6,18 @@ from gcs.mavlink.endpoint import Endpoint, LinkOpenError
 from gcs.mavlink.serial_port import SerialEndpoint
 from gcs.mavlink.tcp import TcpEndpoint
 from gcs.mavlink.udp import UdpEndpoint
-from gcs.mavlink.urls import LinkUrlError, parse_url
+from gcs.mavlink.urls import LinkUrlError, parse_link_url
 
-__all__ = ["Endpoint", "LinkOpenError", "LinkUrlError", "SerialEndpoint", "TcpEndpoint", "UdpEndpoint", "open_endpoint"]
+__all__ = [
+    "Endpoint",
+    "LinkOpenError",
+    "LinkUrlError",
+    "SerialEndpoint",
+    "TcpEndpoint",
+    "UdpEndpoint",
+    "open_endpoint",
+    "parse_link_url",
+]
 
 
 def open_endpoint(url: str) -> Endpoint:
@@ -17,7 +26,7 @@ def open_endpoint(url: str) -> Endpoint:
     A TCP connection that is refused is not an error: it is tried again for as long as the endpoint is polled.
     Raises LinkUrlError for a URL that is none of these, LinkOpenError where a port is taken or a device is missing.
     """
-    parsed = parse_url(url)
+    parsed = parse_link_url(url)
     if parsed.scheme in ("udpin", "udpout"):
         return UdpEndpoint(parsed)
     if parsed.scheme in ("tcpin", "tcpout"):

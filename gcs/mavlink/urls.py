@@ -33,7 +33,7 @@ class LinkUrl:
     text: str
 
 
-def parse_url(text: str) -> LinkUrl:
+def parse_link_url(text: str) -> LinkUrl:
     """Take a link URL apart. Raises LinkUrlError naming what is wrong and the valid forms."""
     scheme, separator, rest = text.strip().partition("://")
     if not separator or f"{scheme}://" not in {f"{form.partition('://')[0]}://" for form in FORMS}:

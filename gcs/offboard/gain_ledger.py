@@ -88,9 +88,7 @@ def undone(ledger: GainLedger, *, who: str, why: str, utc_s: float) -> GainLedge
         return None
     target = ledger.entries[ledger.undo_stack[-1]]
     reason = why or f"Undo set {ledger.live.record.number}, back to set {target.record.number}"
-    back = appended(
-        ledger, target.gain_set, name=target.record.name, who=who, why=reason, utc_s=utc_s, undoable=False
-    )
+    back = appended(ledger, target.gain_set, name=target.record.name, who=who, why=reason, utc_s=utc_s, undoable=False)
     return replace(back, undo_stack=ledger.undo_stack[:-1])
 
 

@@ -16,7 +16,16 @@ from gcs.offboard.gain_ledger import GainLedger
 from gcs.offboard.modes import Event
 from gcs.offboard.state import Manoeuvre, OffboardConfig, OffboardState, Turn
 from gcs.offboard.steering import relawed
-from gcs.offboard.trajectories import Circle, FigureEight, GoTo, StepResponse, Trajectory, TrajectoryError, describe, validate
+from gcs.offboard.trajectories import (
+    Circle,
+    FigureEight,
+    GoTo,
+    StepResponse,
+    Trajectory,
+    TrajectoryError,
+    describe,
+    validate,
+)
 from gcs.offboard.transitions import transition
 from gcs.records import ActionRequest
 from models.frames import euler_from_quaternion, wrap_angle
@@ -174,9 +183,7 @@ def _title(ledger: GainLedger) -> str:
     return "LQR+I" if ledger.live.record.controller == "lqr" else "PI"
 
 
-def _changed_ledger(
-    ledger: GainLedger, command: c.AnyCommand, request: Request, config: OffboardConfig
-) -> GainLedger:
+def _changed_ledger(ledger: GainLedger, command: c.AnyCommand, request: Request, config: OffboardConfig) -> GainLedger:
     who, utc_s, live = request.identity.name, request.utc_s, ledger.live
     match command:
         case c.ApplyGains(changes=changes, why=why):
@@ -213,9 +220,6 @@ def _changed_ledger(
             if good.gain_set == live.gain_set:
                 raise Refused(f"Set {live.record.number} is the last good one and flies already.")
             reason = f"Last good gains, set {good.record.number}"
-            return gain_ledger.appended(
-                ledger, good.gain_set, name=good.record.name, who=who, why=reason, utc_s=utc_s
-            )
+            return gain_ledger.appended(ledger, good.gain_set, name=good.record.name, who=who, why=reason, utc_s=utc_s)
         case _:
             raise AssertionError(f"{type(command).__name__} has a rule but no order")
-

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from controllers.authority import VehicleScales
-from controllers.cascade import CascadeState
-from controllers.law import CascadeLaw
+from controllers.flight_controller import FlightControllerState
 from controllers.gains import GainSet
+from controllers.law import CascadeLaw
 from estimators.full_state_ekf import EkfParameters, EkfState
 from gcs.commands import Answer
 from gcs.config import VehicleFile
@@ -62,7 +62,7 @@ class OffboardState:
     manoeuvre: Manoeuvre = Manoeuvre()
     estimate: Estimate | None = None
     reference: Reference | None = None
-    cascade: CascadeState | None = None
+    flight: FlightControllerState | None = None
     ladder: Ladder | None = None
     t_s: float = math.nan
     state_since_s: float = 0.0

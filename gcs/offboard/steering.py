@@ -4,33 +4,29 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from controllers import cascade
+from controllers import flight_controller
 from controllers.authority import project
-from controllers.gains import GainSet, LqrWeights
+from controllers.cascade import CascadeLimits, Command, hover_command
 from controllers.law import CascadeLaw
-from controllers.lqr import lqr_law
-from controllers.pi import pid_law
 from gcs.offboard.modes import State
 from gcs.offboard.state import OffboardConfig, OffboardState, Turn
 from gcs.offboard.trajectories import Hover, describe, evaluate
 from models.estimate import Estimate, Reference
-from models.parameters import QuadrotorParameters
 from models.setpoints import Setpoint
 
-LIMITS = cascade.CascadeLimits()
-
-
-def law_of(gain_set: GainSet, parameters: QuadrotorParameters) -> CascadeLaw:
-    """The law of a gain set; an LQR is designed here, which takes about a millisecond."""
-    return lqr_law(gain_set, parameters) if isinstance(gain_set, LqrWeights) else pid_law(gain_set, parameters)
+TILT_LIMITS = CascadeLimits()
 
 
 def relawed(state: OffboardState, config: OffboardConfig) -> OffboardState:
     """The live gain set put to work, bumpless: the new law is seeded so that it asks for what was asked last."""
-    law = law_of(state.ledger.live.gain_set, config.parameters)
-    if state.cascade is None or state.estimate is None or state.reference is None:
+    live = state.ledger.live
+    law = flight_controller.prepare(live.gain_set, config.parameters)
+    if state.flight is None or state.estimate is None or state.reference is None:
         return replace(state, law=law)
-    return replace(state, law=law, cascade=cascade.seed(law, state.estimate, state.reference, state.cascade.command))
+    flight = flight_controller.switch_to(
+        state.flight, law, state.estimate, state.reference, gain_set_number=live.record.number
+    )
+    return replace(state, law=law, flight=flight)
 
 
 def steer(state: OffboardState, turn: Turn) -> tuple[OffboardState, Setpoint | None]:
@@ -41,20 +37,22 @@ def steer(state: OffboardState, turn: Turn) -> tuple[OffboardState, Setpoint | N
     state = _advanced(state, turn)
     reference = state.reference
     assert reference is not None, "the manoeuvre gives a reference whenever we steer"
-    memory = state.cascade
-    if memory is None or state.state is State.STREAMING:
+    flight = state.flight
+    if flight is None or state.state is State.STREAMING:
         # The vehicle does not follow us yet: integrals must not wind up on its own controller's errors.
-        memory = cascade.seed(state.law, estimate, reference, _present_command(state.law, estimate))
-    memory, ladder = cascade.step(memory, estimate, reference, law=state.law, limits=LIMITS)
+        number = state.ledger.live.record.number
+        last = _present_command(state.law, estimate)
+        flight = flight_controller.engage(state.law, estimate, reference, gain_set_number=number, last=last)
+    flight, ladder = flight_controller.step(flight, estimate, reference, limits=TILT_LIMITS)
     setpoint = project(ladder, estimate, config.vehicle.authority, config.scales)
-    return replace(state, cascade=memory, ladder=ladder), setpoint
+    return replace(state, flight=flight, ladder=ladder), setpoint
 
 
-def _present_command(law: CascadeLaw, estimate: Estimate) -> cascade.Command:
+def _present_command(law: CascadeLaw, estimate: Estimate) -> Command:
     """What holds the vehicle as it is: its present tilt, which leans against the wind, and its weight."""
-    hover = cascade.hover_command(law.vehicle)
+    hover = hover_command(law.vehicle)
     roll, pitch, _ = estimate.euler_rad
-    return cascade.Command((roll, pitch), hover.thrust_n, hover.torque_n_m)
+    return Command((roll, pitch), hover.thrust_n, hover.torque_n_m)
 
 
 def _advanced(state: OffboardState, turn: Turn) -> OffboardState:
@@ -64,9 +62,7 @@ def _advanced(state: OffboardState, turn: Turn) -> OffboardState:
     if progress is not None and progress >= 1.0:
         turn.say("advisory", f"{describe(manoeuvre.trajectory)} complete.", "manoeuvre")
         at_rest = Reference(position_ned_m=reference.position_ned_m, yaw_rad=reference.yaw_rad)
-        manoeuvre = replace(
-            manoeuvre, trajectory=Hover(), start=at_rest, started_s=turn.t_s, progress=None, lap=0
-        )
+        manoeuvre = replace(manoeuvre, trajectory=Hover(), start=at_rest, started_s=turn.t_s, progress=None, lap=0)
     else:
         manoeuvre = replace(manoeuvre, progress=progress, lap=lap)
     return replace(state, manoeuvre=manoeuvre, reference=reference)

@@ -14,6 +14,7 @@ from dataclasses import replace
 
 import msgspec
 
+from controllers import flight_controller
 from estimators import full_state_ekf
 from gcs.offboard import gain_ledger, permissions, vehicle_view
 from gcs.offboard.frame import signal_frame
@@ -21,7 +22,7 @@ from gcs.offboard.limits import LAND_AFTER_S, first_breach
 from gcs.offboard.modes import Event, State
 from gcs.offboard.orders import obey
 from gcs.offboard.state import OffboardConfig, OffboardState, Output, Turn
-from gcs.offboard.steering import law_of, steer
+from gcs.offboard.steering import steer
 from gcs.offboard.transitions import transition
 from gcs.records import Level, TickInputs
 from models.estimate import Innovation
@@ -49,7 +50,7 @@ def initial(config: OffboardConfig, utc_s: float) -> OffboardState:
     return OffboardState(
         state=State.DISCONNECTED,
         ekf=full_state_ekf.initial(config.ekf),
-        law=law_of(gain_set, config.parameters),
+        law=flight_controller.prepare(gain_set, config.parameters),
         ledger=gain_ledger.opened(gain_set, name, utc_s),
     )
 
@@ -88,9 +89,7 @@ def _watch_link(state: OffboardState, inputs: TickInputs, turn: Turn) -> Offboar
     return transition(state, Event.LINK_LOST, turn)
 
 
-def _estimate(
-    state: OffboardState, inputs: TickInputs, turn: Turn
-) -> tuple[OffboardState, tuple[Innovation, ...]]:
+def _estimate(state: OffboardState, inputs: TickInputs, turn: Turn) -> tuple[OffboardState, tuple[Innovation, ...]]:
     ekf, output = full_state_ekf.step(state.ekf, inputs.samples, params=turn.config.ekf)
     estimate = output.estimate if output.estimate is not None else state.estimate
     for reset in output.resets:
@@ -109,7 +108,9 @@ def _watch_vehicle(state: OffboardState, samples: tuple[AnySample, ...], turn: T
     for sample in samples:
         match sample:
             case StatusTextSample(severity=severity, text=text):
-                level: Level = "warning" if severity <= WORST_ERROR else "caution" if severity <= WORST_WARNING else "advisory"
+                level: Level = (
+                    "warning" if severity <= WORST_ERROR else "caution" if severity <= WORST_WARNING else "advisory"
+                )
                 turn.say(level, text, "vehicle")
             case CommandAckSample(command=command, result=result) if (
                 command == DO_SET_MODE
@@ -201,4 +202,3 @@ def _output(
         signals=signals,
         hash=digest.digest(),
     )
-

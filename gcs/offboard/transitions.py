@@ -48,7 +48,7 @@ def transition(state: OffboardState, event: Event, turn: Turn, who: str = "", de
         offboard_asked_s=math.nan,
         offboard_tries=0,
         reference=state.reference if steers else None,
-        cascade=state.cascade if steers else None,
+        flight=state.flight if steers else None,
         ladder=state.ladder if steers else None,
     )
 
@@ -76,4 +76,4 @@ def prepared(state: OffboardState, t_s: float) -> OffboardState:
         velocity_ned_m_s=estimate.velocity_ned_m_s,
         yaw_rad=estimate.euler_rad[2],
     )
-    return replace(state, manoeuvre=Manoeuvre(start=start, started_s=t_s), reference=start, cascade=None, ladder=None)
+    return replace(state, manoeuvre=Manoeuvre(start=start, started_s=t_s), reference=start, flight=None, ladder=None)

@@ -152,9 +152,7 @@ def derivative(
     for row in range(3):
         # (4.9) gives angular accelerations; the inertia is diagonal here, so the moment is I times that.
         m = moments[row]
-        force_torque[3 + row] += inertia[row, row] * (
-            m[0] * u + m[1] * v + m[2] * wb + m[3] * p + m[4] * q + m[5] * r
-        )
+        force_torque[3 + row] += inertia[row, row] * (m[0] * u + m[1] * v + m[2] * wb + m[3] * p + m[4] * q + m[5] * r)
     rigid_body_derivative(state[:13], force_torque[:3], force_torque[3:], mass, inertia, inertia_inverse, out[:13])
 
 

@@ -107,6 +107,13 @@ function RecordingCell({ s }: { s: State }): JSX.Element {
   );
 }
 
+// The polite live region says changes of state only, never numbers that run.
+function announcement(s: State): string {
+  const status = s.status;
+  if (!status) return "No vehicle";
+  return `${MODE_NAMES[status.state] ?? status.state}, ${status.armed ? "armed" : "disarmed"}, link ${status.link_state}, ${controllerName(status.controller)} set ${status.gain_set}`;
+}
+
 function utcNow(s: State, now: number): number {
   return s.status && s.station === "live" ? s.status.utc_s + (now - s.statusMs) / 1000 : Date.now() / 1000;
 }
@@ -118,7 +125,7 @@ export function Strip(): JSX.Element {
   const status = s.status;
   const signed = status !== null && !["", "off", "none", "unsigned"].includes(status.signing.toLowerCase());
   return (
-    <header class="strip" data-testid="strip" role="status" aria-label="Vehicle status">
+    <header class="strip" data-testid="strip" aria-label="Vehicle status">
       <Cell name="vehicle" label="Vehicle" view="fly">
         {status?.vehicle_name || "None"} <i>{status && `sysid ${status.system_id}`}<span class="wide">{status && `, ${status.autopilot}`}</span></i>
       </Cell>
@@ -134,6 +141,7 @@ export function Strip(): JSX.Element {
       <BatteryCell s={s} now={now} />
       <Cell name="time" label="UTC, flight" view="runs">{clock(utcNow(s, now))} <i>{status ? minutes(status.flight_time_s) : "–"}</i></Cell>
       <RecordingCell s={s} />
+      <p class="unseen" aria-live="polite">{announcement(s)}</p>
     </header>
   );
 }

@@ -19,7 +19,7 @@ export function loadTrajectories(): Promise<TrajectoryKind[]> {
 
 const LABELS: Record<string, string> = { hover: "Hover", go_to: "Go to", circle: "Circle", figure_eight: "Eight", step: "Step" };
 export const VERBS: Record<string, string> = {
-  hover: "Fly hover", go_to: "Fly there", circle: "Fly circle", figure_eight: "Fly figure-eight", step: "Fly step",
+  hover: "Fly hover", go_to: "Fly there", circle: "Fly circle", figure_eight: "Fly eight", step: "Fly step",
 };
 
 export function kindLabel(kind: string): string {

@@ -10,8 +10,12 @@ function labelFont(): string {
   return `${root.getPropertyValue("--fs-label").trim()} ${root.getPropertyValue("--condensed").trim()}`;
 }
 
+// As many decimals as the spacing of the ticks needs, at most four.
 function decimalsOf(step: number): number {
-  return step >= 1 || step === 0 ? (Number.isInteger(step) ? 0 : 1) : Math.min(4, Math.ceil(-Math.log10(step) - 1e-9) + (String(step).replace(/^0?\.0*/, "").length > 1 ? 1 : 0));
+  for (let decimals = 0; decimals < 4; decimals++) {
+    if (Math.abs(step - Number(step.toFixed(decimals))) < 1e-6 * Math.abs(step)) return decimals;
+  }
+  return 4;
 }
 
 function numbers(splits: number[]): string[] {
@@ -29,7 +33,15 @@ function times(unit: string): (u: uPlot, splits: number[]) => string[] {
   };
 }
 
-export function axes(yLabel: string, xUnit = "s"): uPlot.Axis[] {
+const QUARTERS_FIT_PX = 64;
+
+// Four equal parts of the range, two where there is no room.
+function quarters(range: { low: number; high: number }, heightPx: number): number[] {
+  const parts = heightPx >= QUARTERS_FIT_PX ? 4 : 2;
+  return Array.from({ length: parts + 1 }, (_, k) => Number((range.low + ((range.high - range.low) * k) / parts).toPrecision(6)));
+}
+
+export function axes(yLabel: string, xUnit = "s", range?: () => { low: number; high: number }): uPlot.Axis[] {
   const shared = {
     stroke: () => colour("text3"),
     grid: { stroke: () => colour("grid"), width: 1 },
@@ -38,7 +50,7 @@ export function axes(yLabel: string, xUnit = "s"): uPlot.Axis[] {
   };
   return [
     { ...shared, size: 20, gap: 3, space: 44, values: times(xUnit) },
-    { ...shared, size: 34, gap: 4, space: 24, values: (_u, splits) => numbers(splits), label: yLabel, labelSize: 16, labelGap: 0, labelFont: labelFont() },
+    { ...shared, ...(range ? { splits: (u: uPlot) => quarters(range(), u.bbox.height / devicePixelRatio) } : {}), size: 38, gap: 4, space: 24, values: (_u, splits) => numbers(splits), label: yLabel, labelSize: 16, labelGap: 0, labelFont: labelFont() },
   ];
 }
 
@@ -46,13 +58,14 @@ export function gapPainter(gaps: () => Gap[], named: () => boolean): (u: uPlot) 
   return (u) => {
     const { ctx, bbox } = u;
     ctx.save();
+    const longest = Math.max(...gaps().map((gap) => gap.toS - gap.fromS));
     for (const gap of gaps()) {
       const left = Math.max(bbox.left, u.valToPos(gap.fromS, "x", true));
       const right = Math.min(bbox.left + bbox.width, u.valToPos(gap.toS, "x", true));
       if (right <= left) continue;
       ctx.fillStyle = colour("raise");
       ctx.fillRect(left, bbox.top, Math.max(1, right - left), bbox.height);
-      if (!named()) continue;
+      if (!named() || gap.toS - gap.fromS < longest) continue;
       ctx.fillStyle = colour("text3");
       ctx.font = `${11 * devicePixelRatio}px ${getComputedStyle(document.documentElement).getPropertyValue("--condensed")}`;
       ctx.textBaseline = "bottom";

@@ -86,7 +86,7 @@ class LiveChart {
       legend: { show: false },
       padding: [6, 10, 0, 0],
       scales: { x: { time: false, range: () => this.window }, y: { range: () => [this.range.low, this.range.high] } },
-      axes: axes(spec.yLabel),
+      axes: axes(spec.yLabel, "s", () => this.range),
       series: [{}, ...spec.traces.map((trace) => ({
         label: trace.label, stroke: () => colour(trace.token), width: trace.thin ? 0.75 : 1.5, points: { show: false }, spanGaps: false,
         ...(trace.dash ? { dash: [4, 4] } : {}),
@@ -147,7 +147,10 @@ class LiveChart {
       cell.classList.toggle("stale", stale);
     });
     const time = this.head.querySelector<HTMLElement>("[data-cursor]");
-    if (time) time.textContent = cursor === null ? (this.spec.sub ?? "") : `at ${fixed(cursor, 1)} s`;
+    if (time) {
+      time.textContent = cursor === null ? (this.spec.sub ?? "") : `at ${fixed(cursor, 1)} s`;
+      time.toggleAttribute("data-named", cursor !== null);
+    }
   }
 }
 

@@ -19,9 +19,10 @@ export interface HorizonState {
 
 type Pen = CanvasRenderingContext2D;
 
-const TAPE_WIDTH = 58;
+const TAPE_WIDTH = 62;
 const PIXELS_PER_DEGREE = 4.6;
-const SPEED_SPAN = 4;
+const TAPE_SPAN = 4;
+const ROOMY_PX = 200;
 const HEADING_SPAN_DEG = 70;
 
 function font(pen: Pen, size: number, weight = 400): void {
@@ -42,7 +43,7 @@ interface Box {
   height: number;
 }
 
-function ladder(pen: Pen, scale: number, small: number): void {
+function ladder(pen: Pen, scale: number, small: number, roomy: boolean): void {
   pen.strokeStyle = pen.fillStyle = "#e6eaed";
   pen.lineWidth = 1;
   font(pen, small);
@@ -50,7 +51,8 @@ function ladder(pen: Pen, scale: number, small: number): void {
   for (let degrees = -30; degrees <= 30; degrees += 5) {
     if (degrees === 0) continue;
     const major = degrees % 10 === 0;
-    const half = major ? 34 : 18;
+    if (!roomy && (!major || degrees > 10)) continue;
+    const half = major ? (roomy ? 34 : 24) : 18;
     const y = -degrees * scale;
     line(pen, -half, y, half, y);
     if (!major) continue;
@@ -70,13 +72,14 @@ function rollScale(pen: Pen, radius: number): void {
   }
 }
 
-function aircraft(pen: Pen): void {
+function aircraft(pen: Pen, roomy: boolean): void {
+  const [tip, root, drop] = roomy ? [68, 26, 8] : [52, 22, 6];
   for (const [width, ink] of [[5, "#0f1316"], [3, "#ffffff"]] as const) {
     pen.lineWidth = width;
     pen.strokeStyle = ink;
     pen.beginPath();
-    pen.moveTo(-68, 0); pen.lineTo(-26, 0); pen.lineTo(-26, 8);
-    pen.moveTo(68, 0); pen.lineTo(26, 0); pen.lineTo(26, 8);
+    pen.moveTo(-tip, 0); pen.lineTo(-root, 0); pen.lineTo(-root, drop);
+    pen.moveTo(tip, 0); pen.lineTo(root, 0); pen.lineTo(root, drop);
     pen.stroke();
   }
   pen.fillStyle = "#ffffff";
@@ -101,7 +104,7 @@ function attitudeSetpoint(pen: Pen, s: HorizonState, scale: number): void {
 }
 
 function attitude(pen: Pen, box: Box, s: HorizonState, small: number): void {
-  const scale = PIXELS_PER_DEGREE * Math.min(1.4, box.height / 240);
+  const scale = PIXELS_PER_DEGREE * Math.max(0.62, Math.min(1.4, box.height / 240));
   pen.save();
   pen.beginPath();
   pen.rect(box.x, box.y, box.width, box.height);
@@ -120,7 +123,7 @@ function attitude(pen: Pen, box: Box, s: HorizonState, small: number): void {
     pen.strokeStyle = "#ffffff";
     pen.lineWidth = 1.5;
     line(pen, -far, 0, far, 0);
-    ladder(pen, scale, small);
+    ladder(pen, scale, small, box.height > ROOMY_PX);
     pen.restore();
   } else {
     pen.fillStyle = colour("bg");
@@ -142,15 +145,14 @@ function attitude(pen: Pen, box: Box, s: HorizonState, small: number): void {
     pen.fill();
     attitudeSetpoint(pen, s, scale);
   }
-  aircraft(pen);
+  aircraft(pen, box.height > ROOMY_PX);
   pen.restore();
 }
 
 interface Tape {
   value: number;
   setpoint: number;
-  span: number;
-  tick: number;
+  lowest: number;
   decimals: number;
   side: "left" | "right";
 }
@@ -166,23 +168,25 @@ function verticalTape(pen: Pen, box: Box, tape: Tape, stale: boolean, small: num
   pen.fillStyle = colour("raise");
   pen.fillRect(box.x, box.y, box.width, box.height);
   const middle = box.y + box.height / 2;
-  const scale = box.height / tape.span;
+  const scale = box.height / TAPE_SPAN;
+  const tick = box.height > ROOMY_PX ? 0.25 : 0.5;
   const known = Number.isFinite(tape.value);
   const centre = known ? tape.value : 0;
   font(pen, small);
   pen.textBaseline = "middle";
   pen.textAlign = side === "left" ? "right" : "left";
   pen.strokeStyle = pen.fillStyle = colour("text2");
-  const first = Math.ceil((centre - tape.span / 2) / tape.tick);
-  for (let k = first; k * tape.tick <= centre + tape.span / 2; k++) {
-    const y = middle - (k * tape.tick - centre) * scale;
-    const major = k % 5 === 0;
+  const first = Math.ceil(Math.max(tape.lowest, centre - TAPE_SPAN / 2) / tick);
+  for (let k = first; k * tick <= centre + TAPE_SPAN / 2; k++) {
+    const y = middle - (k * tick - centre) * scale;
+    const major = k % 2 === 0;
     line(pen, inner, y, inner + sign * (major ? 10 : 6), y);
-    if (major) pen.fillText(fixed(k * tape.tick, tape.tick < 0.2 ? 1 : 0), inner + sign * 16, y);
+    const cut = y < box.y + small / 2 || y > box.y + box.height - small / 2;
+    if (major && !cut) pen.fillText(fixed(k * tick, 1), inner + sign * 16, y);
   }
-  if (Number.isFinite(tape.setpoint) && known) bug(pen, inner, middle - Math.max(-tape.span / 2, Math.min(tape.span / 2, tape.setpoint - centre)) * scale, sign);
+  if (Number.isFinite(tape.setpoint) && known) bug(pen, inner, middle - Math.max(-TAPE_SPAN / 2, Math.min(TAPE_SPAN / 2, tape.setpoint - centre)) * scale, sign);
   pen.restore();
-  valueBox(pen, { x: box.x - 2, y: middle - big * 0.82, width: box.width - 6 + (side === "left" ? 0 : 8), height: big * 1.64 }, fixed(tape.value, tape.decimals), stale, big);
+  valueBox(pen, { x: side === "left" ? box.x - 2 : box.x + 10, y: middle - big * 0.82, width: box.width - 8, height: big * 1.64 }, fixed(tape.value, tape.decimals), stale, big);
 }
 
 // Setpoint: an open triangle on the edge of the tape.
@@ -261,18 +265,18 @@ export function drawHorizon(canvas: HTMLCanvasElement, s: HorizonState): void {
   pen.clearRect(0, 0, width, height);
   const large = width > 400;
   const small = large ? 12 : 11;
-  const big = large ? 17 : 15;
+  const big = large ? 17 : 14;
   const inset = 10;
   const strip = large ? 30 : 26;
   const gap = large ? 10 : 6;
-  const tape = large ? TAPE_WIDTH : 48;
+  const tape = large ? TAPE_WIDTH : 52;
   const bodyHeight = height - 2 * inset - strip - gap;
   const centre: Box = { x: inset + tape + gap, y: inset, width: width - 2 * (inset + tape + gap), height: bodyHeight };
   attitude(pen, centre, s, small);
   const left: Box = { x: inset, y: inset, width: tape, height: bodyHeight };
   const right: Box = { x: width - inset - tape, y: inset, width: tape, height: bodyHeight };
-  verticalTape(pen, left, { value: s.speed, setpoint: s.speedSet, span: SPEED_SPAN, tick: 0.1, decimals: 2, side: "left" }, s.stale, small, big);
-  verticalTape(pen, right, { value: s.height, setpoint: s.heightSet, span: SPEED_SPAN, tick: 0.1, decimals: 2, side: "right" }, s.stale, small, big);
+  verticalTape(pen, left, { value: s.speed, setpoint: s.speedSet, lowest: 0, decimals: 2, side: "left" }, s.stale, small, big);
+  verticalTape(pen, right, { value: s.height, setpoint: s.heightSet, lowest: -Infinity, decimals: 2, side: "right" }, s.stale, small, big);
   headingTape(pen, { x: centre.x, y: inset + bodyHeight + gap, width: centre.width, height: strip }, s, small, big);
   captions(pen, left, right, height, inset + bodyHeight + gap, small);
 }
@@ -283,7 +287,7 @@ function captions(pen: Pen, left: Box, right: Box, height: number, top: number, 
   pen.textAlign = "center";
   pen.textBaseline = "middle";
   const rows = Math.min(14, (height - top) / 2.4);
-  pen.fillText("speed", left.x + left.width / 2, top + rows * 0.6);
+  pen.fillText(small > 11 ? "ground speed" : "speed", left.x + left.width / 2, top + rows * 0.6);
   pen.fillText("m/s", left.x + left.width / 2, top + rows * 1.55);
   pen.fillText("height", right.x + right.width / 2, top + rows * 0.6);
   pen.fillText("m", right.x + right.width / 2, top + rows * 1.55);

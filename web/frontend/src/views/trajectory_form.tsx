@@ -55,6 +55,10 @@ export function TrajectoryForm({ give, say }: Props): JSX.Element | null {
       <Segments testid="trajectory" label="Trajectory" value={kind.kind} options={kinds.map((k) => ({ value: k.kind, text: kindLabel(k.kind) }))} onPick={setPicked} />
       {kind.kind === "step" && <Segments testid="step-axis" label="Axis" options={AXES} value={axis} onPick={setAxis} />}
       <div class="fields">
+        <span class="go">
+          {kind.fields.length > FIRST && <button type="button" class="text-key" data-testid="all-fields" onClick={() => setAll(!all)}>{all ? "Fewer fields" : `All ${kind.fields.length} fields`}</button>}
+          <Key testid="fly-trajectory" disabled={!mine || !offboard} title={offboard ? undefined : "Start offboard first"} onAct={fly}>{VERBS[kind.kind] ?? "Fly"}</Key>
+        </span>
         {fields.map((field) => {
           const { unit } = shown(field, axis);
           const text = textOf(kind, field.name, typed, axis);
@@ -67,10 +71,6 @@ export function TrajectoryForm({ give, say }: Props): JSX.Element | null {
             </label>
           );
         })}
-      </div>
-      <div class="keys">
-        <Key testid="fly-trajectory" disabled={!mine || !offboard} title={offboard ? undefined : "Start offboard first"} onAct={fly}>{VERBS[kind.kind] ?? "Fly"}</Key>
-        {kind.fields.length > FIRST && <Key testid="all-fields" onAct={() => setAll(!all)}>{all ? "Fewer fields" : `All ${kind.fields.length} fields`}</Key>}
       </div>
     </div>
   );
