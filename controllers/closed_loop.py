@@ -170,7 +170,7 @@ def frequency_response(a: Array, b: Array, c: Array, omega_rad_s: Array) -> npt.
     for row in range(n - 1, -1, -1):
         coupled = triangular[row, row + 1 :] @ solution[row + 1 :]
         solution[row] = (np.tile(right[row], w) + coupled) / (frequencies - triangular[row, row])
-    response = (c @ unitary) @ solution
+    response: npt.NDArray[np.complex128] = (c @ unitary) @ solution
     return response.reshape(c.shape[0], w, m).transpose(1, 0, 2)
 
 

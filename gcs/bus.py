@@ -69,33 +69,35 @@ class Backlog(msgspec.Struct, frozen=True):
 
 _request_decoder = msgspec.json.Decoder(Request)
 _answer_decoder = msgspec.json.Decoder(Answer)
-_event_decoder = msgspec.json.Decoder(Event)
 _recording_decoder = msgspec.json.Decoder(RecordingStatus)
 _action_decoder = msgspec.json.Decoder(ActionRequest)
 _result_decoder = msgspec.json.Decoder(ActionResult)
 _backlog_decoder = msgspec.msgpack.Decoder(Backlog)
 
-_STATUS_NUMBERS = tuple(
-    field.name for field in msgspec.structs.fields(Status) if field.type is float and field.required
-)
+_Record = TypeVar("_Record", Event, Status)
+
+
+def _decode_numbers(payload: bytes, record: type[_Record]) -> _Record:
+    """JSON has no NaN: a null where the record has a plain number is NaN again."""
+    table = msgspec.json.decode(payload, type=dict[str, Any])
+    for field in msgspec.structs.fields(record):
+        if field.type is float and field.name in table and table[field.name] is None:
+            table[field.name] = float("nan")
+    return msgspec.convert(table, record)
 
 
 def decode_status(payload: bytes) -> Status:
-    """Status from JSON, which has no NaN: a null number is NaN again. Raises msgspec.ValidationError."""
-    table = msgspec.json.decode(payload, type=dict[str, Any])
-    for name in _STATUS_NUMBERS:
-        if name in table and table[name] is None:
-            table[name] = float("nan")
-    return msgspec.convert(table, Status)
+    """Status from JSON. Raises msgspec.DecodeError."""
+    return _decode_numbers(payload, Status)
 
 
 def decode_event(payload: bytes) -> Event:
-    """Event from JSON. Raises msgspec.ValidationError."""
-    return _event_decoder.decode(payload)
+    """Event from JSON. Raises msgspec.DecodeError."""
+    return _decode_numbers(payload, Event)
 
 
 def decode_recording(payload: bytes) -> RecordingStatus:
-    """State of the recorder from JSON. Raises msgspec.ValidationError."""
+    """State of the recorder from JSON. Raises msgspec.DecodeError."""
     return _recording_decoder.decode(payload)
 
 

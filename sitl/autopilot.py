@@ -222,13 +222,12 @@ class Autopilot:
     def update(self) -> None:
         """Failsafes, mode logic and outer loops; call every UPDATE_US of vehicle time."""
         self._detect_landing()
+        if self.armed:
+            self._auto_disarm()
         if not self.armed:
             self._vehicle.command[0] = inner_loop.OFF
             return
-        self._auto_disarm()
         self._failsafes()
-        if not self.armed:
-            return
         match self.mode:
             case Mode.OFFBOARD:
                 self._fly_offboard()

@@ -43,7 +43,7 @@ class MocapConfig:
 
 @dataclass(frozen=True, slots=True)
 class MagnetometerConfig:
-    """Three-axis magnetometer in a field of given declination (east positive), inclination (down positive), strength."""
+    """Three-axis magnetometer; declination is positive east, inclination positive down."""
 
     declination_rad: float = math.radians(3.2)
     inclination_rad: float = math.radians(63.4)

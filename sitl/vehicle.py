@@ -1,6 +1,6 @@
 """One vehicle in its air: plant, wind, inner loops and the integrating IMU, advanced together tick by tick.
 
-A tick is 2 ms: it divides every telemetry rate up to 250 Hz, so IMU messages at 50, 100, 125 or 250 Hz are evenly spaced.
+A tick is 2 ms, so that IMU messages at 50, 100, 125 or 250 Hz are evenly spaced.
 All random numbers of the ticks come from one generator in blocks of fixed size, so a flight does not depend on how
 the time was cut into calls nor on which messages were asked for.
 """
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.frames import STANDARD_GRAVITY_M_S2, Array
+from models.frames import STANDARD_GRAVITY_M_S2, Array, Vec3
 from models.kernel import kernel
 from models.parameters import QuadrotorParameters
 from sitl import inner_loop
@@ -73,7 +73,7 @@ def run_ticks(
     """Advance ``count`` ticks in place with the rows of ``noise``: gust, control, plant, then IMU integrals.
 
     ``imu_integral`` (6,): measured angle [rad] and specific force x time [m/s]; ``imu_bias`` (6,); ``imu_noise`` (4,):
-    gyro, accel white and gyro, accel walk. ``flags``: on the ground, mixer shedding.
+    gyro, accel white and gyro, accel walk. ``flags`` (5,): on the ground, mixer shedding, true specific force (3).
     """
     root = math.sqrt(dt_s)
     before = work[6 * quadrotor.STATE_SIZE : 7 * quadrotor.STATE_SIZE]
@@ -114,6 +114,7 @@ def run_ticks(
         b0 = n * ((w * w + x * x - y * y - z * z) * fx + 2.0 * (x * y + w * z) * fy + 2.0 * (x * z - w * y) * fz)
         b1 = n * (2.0 * (x * y - w * z) * fx + (w * w - x * x + y * y - z * z) * fy + 2.0 * (y * z + w * x) * fz)
         b2 = n * (2.0 * (x * z + w * y) * fx + 2.0 * (y * z - w * x) * fy + (w * w - x * x - y * y + z * z) * fz)
+        flags[2], flags[3], flags[4] = b0, b1, b2
         standing = flags[0] > 0.0
         for i in range(3):
             turned = state[10 + i] if standing else 0.5 * (before[10 + i] + state[10 + i])
@@ -165,7 +166,7 @@ class QuadrotorVehicle:
         self._gust = generator.standard_normal(GUST_STATES)
         self._wind = wind_constants(wind)
         self._integral = np.zeros(3)
-        self._flags = np.zeros(2)
+        self._flags = np.array([1.0, 0.0, 0.0, 0.0, -STANDARD_GRAVITY_M_S2])
         self._work = np.zeros(quadrotor.WORK_SIZE)
         self._noise = generator.standard_normal((_BLOCK_TICKS, _DRAWS))
 
@@ -177,7 +178,12 @@ class QuadrotorVehicle:
     @property
     def on_ground(self) -> bool:
         """Standing with its weight not lifted."""
-        return self._flags[0] > 0.0 or self.tick == 0
+        return bool(self._flags[0] > 0.0)
+
+    @property
+    def specific_force_body_m_s2(self) -> Vec3:
+        """True specific force of the last tick."""
+        return (float(self._flags[2]), float(self._flags[3]), float(self._flags[4]))
 
     def advance(self, until_tick: int) -> None:
         """Run ticks until ``until_tick``; does nothing if that is not ahead."""

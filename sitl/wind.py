@@ -42,7 +42,8 @@ def step_wind(
     """Advance the gust filters (5,) by ``dt_s`` with three unit normal draws and write the wind, ned [m/s].
 
     The along-wind filter is 1 / (1 + T s); the other two are (1 + sqrt(3) T s) / (1 + T s)^2, written as
-    [sqrt(3) + (1 - sqrt(3)) / (1 + T s)] / sqrt(2) after a first-order process of unit variance: its variance is then one.
+    [sqrt(3) + (1 - sqrt(3)) / (1 + T s)] / sqrt(2) after a first-order process of unit variance:
+    the variance is then one.
     """
     sigma = constants[3]
     if sigma <= 0.0:

@@ -1,6 +1,6 @@
 """MAVLink 2 frames from the dialect's own tables: payload by precompiled struct, CRC in C, one frame per call.
 
-pymavlink's own packing builds an object per message and costs several times as much; its tables and its parser are used.
+pymavlink's own packing builds an object per message and costs several times as much; its tables are used.
 """
 
 from __future__ import annotations

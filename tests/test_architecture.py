@@ -1,4 +1,4 @@
-"""The house holds: upper floors import lower floors, rooms of one floor are strangers, and truth stays in the simulator."""
+"""The house holds: upper floors import lower ones, rooms of one floor are strangers, truth stays in the simulator."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ARROWS: dict[str, set[str]] = {
     "web": {"models", "estimators", "controllers", "sitl", "gcs", "web"},
 }
 
-# Simulated truth may share parameters and rigid-body kinematics with the models, never what estimators or controllers use.
+# Simulated truth shares parameters and rigid-body kinematics with the models, never what estimators or controllers use.
 SITL_MAY_SHARE = {
     "models.parameters",
     "models.rigid_body",

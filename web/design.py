@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any, get_args
 
 import msgspec
-from controllers.design import DesignReport, predict
 
 from controllers.gains import (
     GainError,
@@ -41,8 +40,8 @@ class Prediction(msgspec.Struct, frozen=True):
 
     controller: ControllerKind
     base: str
-    live: DesignReport
-    staged: DesignReport
+    live: Any
+    staged: Any
 
 
 def trajectory_table() -> list[dict[str, Any]]:
@@ -118,6 +117,8 @@ def gains_answer(status: dict[str, Any] | None) -> dict[str, Any]:
 
 def predict_change(wanted: DesignRequest, status: dict[str, Any] | None) -> Prediction:
     """Poles, margins and steps of the newest set of a controller and of that set with changes. Raises DesignError."""
+    from controllers.design import predict
+
     base, live = newest_set(wanted.controller, status)
     try:
         staged = edited(live, wanted.changes)

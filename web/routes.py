@@ -178,7 +178,7 @@ def _add_design(router: APIRouter, station: Station) -> None:
 
     @router.post("/design")
     async def predict(request: Request) -> Response:
-        """Poles, margins and steps of the live gain set and of a staged one: {"controller", "changes": {key: value}}."""
+        """Poles, margins and steps of the live and of the staged gain set: {"controller", "changes": {key: value}}."""
         try:
             wanted = msgspec.json.decode(await request.body(), type=design.DesignRequest)
             report = await to_thread.run_sync(design.predict_change, wanted, station.feed.status)

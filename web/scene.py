@@ -42,6 +42,15 @@ _GRID = (36, 44, 50)
 _LABEL = (132, 144, 154)
 _TEXT = (230, 234, 237)
 
+# viser's own labels are white boxes, so the few letters needed are strokes in a unit square.
+_STROKES: dict[str, tuple[tuple[tuple[float, float], ...], ...]] = {
+    "N": (((0.0, 0.0), (0.0, 1.0), (1.0, 0.0), (1.0, 1.0)),),
+    "E": (((1.0, 1.0), (0.0, 1.0), (0.0, 0.0), (1.0, 0.0)), ((0.0, 0.5), (0.8, 0.5))),
+    "5": (((1.0, 1.0), (0.0, 1.0), (0.0, 0.55), (0.8, 0.55), (1.0, 0.4), (1.0, 0.15), (0.8, 0.0), (0.0, 0.0)),),
+    "m": (((0.0, 0.0), (0.0, 0.6), (0.5, 0.5), (0.5, 0.0)), ((0.5, 0.5), (1.0, 0.6), (1.0, 0.0))),
+    " ": (),
+}
+
 
 def enu_from_ned(vector_ned: Array) -> Array:
     """East, north, up of vectors (..., 3) given as north, east, down."""
@@ -98,6 +107,17 @@ def path_segments(points: Array, *, dashed: bool = False) -> Array:
         return np.zeros((1, 2, 3))
     segments = np.stack([points[:-1], points[1:]], axis=1)
     return segments[::2] if dashed else segments
+
+
+def letter_segments(text: str, height_m: float) -> Array:
+    """Letters drawn as lines on the ground (N, 2, 3), centred, upright for a reader who looks north."""
+    segments: list[Array] = []
+    width = 0.0
+    for letter in text:
+        strokes = _STROKES[letter]
+        segments += [path_segments(np.array([[width + x, y, 0.0] for x, y in stroke])) for stroke in strokes]
+        width += 1.4 if strokes else 0.4
+    return (np.concatenate(segments) - [0.5 * width - 0.2, 0.5, 0.0]) * [0.6 * height_m, height_m, 1.0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -283,14 +303,16 @@ class Scene:
         )
         axes = np.array([[[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]])
         scene.add_line_segments("/home/axes", axes, _REFERENCE, thickness=2.0, thickness_units="screen")
-        for name, text, place in (
-            ("home", "home", (0.0, -0.12, 0.0)),
-            ("n", "N", (0.0, 1.1, 0.0)),
-            ("e", "E", (1.1, 0.0, 0.0)),
-            ("five_n", "5 m N", (0.0, 5.0, 0.0)),
-            ("five_e", "5 m E", (5.0, 0.0, 0.0)),
+        for name, text, height_m, place in (
+            ("north", "N", 0.14, (0.0, 1.15, 0.0)),
+            ("east", "E", 0.14, (1.15, 0.0, 0.0)),
+            ("five_north", "5 m N", 0.22, (0.0, 5.2, 0.0)),
+            ("five_east", "5 m E", 0.22, (5.7, 0.0, 0.0)),
         ):
-            scene.add_label(f"/home/{name}", text, position=place, anchor="center-center", font_screen_scale=0.8)
+            letters = letter_segments(text, height_m)
+            scene.add_line_segments(
+                f"/home/{name}", letters, _LABEL, thickness=1.5, thickness_units="screen", position=place
+            )
 
 
 def _point(handle: Any, pose: CameraPose) -> None:

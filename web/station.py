@@ -13,6 +13,7 @@ from anyio import to_thread
 
 from gcs.bus import Backlog, Bus, BusError, Topic, decode_event, decode_recording, open_client
 from gcs.commands import Answer, Request
+from models.arrays import Array
 from web.scene import TRAIL_S, Scene
 from web.stream import Feed
 
@@ -44,6 +45,8 @@ class StationLink:
     async def running(self) -> AsyncIterator[None]:
         """Keep feed and scene up to date for as long as the context lasts."""
         tasks = [asyncio.create_task(self._connect()), asyncio.create_task(self._draw())]
+        for task in tasks:
+            task.add_done_callback(_report_failure)
         try:
             yield
         finally:
@@ -87,7 +90,7 @@ class StationLink:
             feed.add_recording(backlog.recording)
         if backlog.status is not None:
             feed.add_status(msgspec.json.encode(backlog.status))
-        frames = [np.frombuffer(frame) for frame in feed.frames()]
+        frames = [_frame(payload) for payload in feed.frames()]
         for frame in frames:
             if frames[-1][0] - frame[0] <= TRAIL_S:
                 self._scene.update(frame)
@@ -111,7 +114,18 @@ class StationLink:
             newest = self._feed.newest_frame
             if newest is not None and newest is not shown:
                 shown = newest
-                self._scene.update(np.frombuffer(newest))
+                self._scene.update(_frame(newest))
+
+
+def _frame(payload: bytes) -> Array:
+    """A writable copy: the compiled kernels take no read-only arrays."""
+    return np.frombuffer(payload).copy()
+
+
+def _report_failure(task: asyncio.Task[None]) -> None:
+    """A task that ends by an error says so at once, not when the server is stopped."""
+    if not task.cancelled() and (failure := task.exception()) is not None:
+        task.get_loop().call_exception_handler({"message": "station link failed", "exception": failure, "task": task})
 
 
 def _call_soon(loop: asyncio.AbstractEventLoop, take: Callable[[bytes], None], payload: bytes) -> None:

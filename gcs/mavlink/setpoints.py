@@ -14,7 +14,6 @@ from models.setpoints import (
 
 # Set bits say "ignore". Position with its derivatives and yaw ignores only the yaw rate.
 MASK_POSITION = 2048
-MASK_POSITION_ONLY = 2552
 MASK_VELOCITY = 2503
 MASK_ATTITUDE = 7
 MASK_RATES = 128

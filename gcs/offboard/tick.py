@@ -108,10 +108,7 @@ def _watch_vehicle(state: OffboardState, samples: tuple[AnySample, ...], turn: T
     for sample in samples:
         match sample:
             case StatusTextSample(severity=severity, text=text):
-                level: Level = (
-                    "warning" if severity <= WORST_ERROR else "caution" if severity <= WORST_WARNING else "advisory"
-                )
-                turn.say(level, text, "vehicle")
+                turn.say(_level(severity), text, "vehicle")
             case CommandAckSample(command=command, result=result) if (
                 command == DO_SET_MODE
                 and state.state is State.STREAMING
@@ -131,6 +128,12 @@ def _watch_vehicle(state: OffboardState, samples: tuple[AnySample, ...], turn: T
     elif not in_offboard and state.state is State.ACTIVE:
         state = transition(state, Event.OFFBOARD_LEFT, turn, detail=f"Mode {state.view.mode}.")
     return state
+
+
+def _level(severity: int) -> Level:
+    if severity <= WORST_ERROR:
+        return "warning"
+    return "caution" if severity <= WORST_WARNING else "advisory"
 
 
 def _watch_lease(state: OffboardState, turn: Turn) -> OffboardState:

@@ -33,7 +33,7 @@ GEAR_MAX_RATE_RAD_S = 3.0
 
 
 class QuadrotorConstants(NamedTuple):
-    """Parameters as plain arrays for the kernels: scalars (indexed by the names above), inertia, its inverse, moments."""
+    """Parameters as plain arrays for the kernels; the entries of ``scalars`` are named above."""
 
     scalars: Array
     inertia_kg_m2: Array

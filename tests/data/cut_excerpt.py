@@ -44,8 +44,10 @@ KEEP = {
     "SIMSTATE": 0,
 }
 KEEP_OTHERS = 50
-# The last of each from before the beginning comes first, so that the excerpt says where it is.
-CARRIED = ("GPS_GLOBAL_ORIGIN", "HOME_POSITION", "HEARTBEAT", "SYS_STATUS")
+# From before the beginning: the first of these (a reader must know the vehicle to take anything from it) ...
+CARRIED_FIRST = ("HEARTBEAT", "SYS_STATUS")
+# ... and the last of these, so that the excerpt says where it is.
+CARRIED_LAST = ("GPS_GLOBAL_ORIGIN", "HOME_POSITION")
 
 
 def cut(source: Path, target: Path, begin_s: float) -> Counter[str]:
@@ -62,11 +64,10 @@ def cut(source: Path, target: Path, begin_s: float) -> Counter[str]:
             frame = parse_frame(packet)
             name = message_name(frame.message_id)
             if utc_us - first_us < begin_s * 1e6:
-                if name in CARRIED and frame.system == 1:
+                if frame.system == 1 and (name in CARRIED_LAST or (name in CARRIED_FIRST and name not in carried)):
                     carried[name] = (utc_us, packet)
                 continue
-            kept_first = sorted(carried.items(), key=lambda item: item[1][0])
-            chosen = [(early, *stamped) for early, stamped in kept_first]
+            chosen = sorted(((early, *stamped) for early, stamped in carried.items()), key=lambda item: item[1])
             carried = {}
             one_in = KEEP.get(name, KEEP_OTHERS)
             if one_in and seen[name] % one_in == 0:
