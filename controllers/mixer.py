@@ -36,21 +36,26 @@ def achievable(wanted: Array, limits: Array, given: Array) -> int:
     enough to fit them, and yaw gets what is left.
     """
     lever, yaw_lever, least, most = limits[0], limits[1], limits[2], limits[3]
+    # Rotors 1 and 3 (front left, rear right) speed up for positive yaw, 2 and 4 slow down.
     roll_part, pitch_part = wanted[1] / (4.0 * lever), wanted[2] / (4.0 * lever)
+    yaw_part, mean = wanted[3] / (4.0 * yaw_lever), wanted[0] / 4.0
+    # What is not cut is handed back bit for bit: a rounding error must not look like saturation.
+    given[:] = wanted
+    highest = mean + max(abs(roll_part + pitch_part) + yaw_part, abs(roll_part - pitch_part) - yaw_part)
+    lowest = mean - max(abs(roll_part + pitch_part) - yaw_part, abs(roll_part - pitch_part) + yaw_part)
+    if highest <= most and lowest >= least:
+        return 0
     cut = 0
     span = abs(roll_part) + abs(pitch_part)
     if 2.0 * span > most - least:
         scale = (most - least) / (2.0 * span)
         roll_part, pitch_part, span = roll_part * scale, pitch_part * scale, span * scale
         cut |= TILT_TORQUE_CUT
-    mean = wanted[0] / 4.0
     if mean < least + span or mean > most - span:
         mean = min(max(mean, least + span), most - span)
         cut |= THRUST_CUT
-    # Forces of rotors 1 to 4 without yaw; 1 and 3 (front left, rear right) speed up for positive yaw, the others slow.
     f1, f2 = mean + roll_part + pitch_part, mean - roll_part + pitch_part
     f3, f4 = mean - roll_part - pitch_part, mean + roll_part - pitch_part
-    yaw_part = wanted[3] / (4.0 * yaw_lever)
     if yaw_part >= 0.0:
         room = min(most - f1, most - f3, f2 - least, f4 - least)
     else:
@@ -58,8 +63,6 @@ def achievable(wanted: Array, limits: Array, given: Array) -> int:
     if abs(yaw_part) > room:
         yaw_part = math.copysign(max(room, 0.0), yaw_part)
         cut |= YAW_TORQUE_CUT
-    # What is not cut is handed back bit for bit: a rounding error must not look like saturation.
-    given[:] = wanted
     if cut & THRUST_CUT:
         given[0] = 4.0 * mean
     if cut & TILT_TORQUE_CUT:

@@ -85,6 +85,14 @@ def fuse(state: EkfState, source: str, time_s: float, arrival_s: float, rows: in
     return outcome
 
 
+def source_alive(state: EkfState, source: str, params: EkfParameters) -> bool:
+    """Whether a source was accepted within its silence limit, max(.1 s, 3 x its measured interval)."""
+    health = state.health.get(source)
+    if health is None:
+        return False
+    return state.newest_arrival_s - health.accepted_arrival_s <= health.silence_limit_s(params)
+
+
 def stuck(state: EkfState, source: str, time_s: float, params: EkfParameters) -> bool:
     """Whether a source has been rejected without a break for ``reset_after_s``, and at least three of its intervals."""
     health = state.source(source)
@@ -170,8 +178,11 @@ def _open_biases(state: EkfState, outcome: Innovation, rows: int, params: EkfPar
 
 
 def fuse_gnss(state: EkfState, sample: GnssSample, nominal: Array, params: EkfParameters) -> None:
-    """Satellite position, velocity and heading, at the time the fix is true for."""
-    if sample.fix_type < FIX_3D:
+    """Satellite position, velocity and heading, at the time the fix is true for.
+
+    Stands back while motion capture is alive: the two frames agree to metres only.
+    """
+    if sample.fix_type < FIX_3D or source_alive(state, "pose", params):
         return
     stamp = sample.time_s
     state.source("gnss_position").heard(stamp)

@@ -29,6 +29,9 @@ class Reset:
     velocity_delta_ned_m_s: Vec3 = (0.0, 0.0, 0.0)
     yaw_delta_rad: float = 0.0
 
+    def __str__(self) -> str:
+        return f"{self.source}: {self.reason}"
+
 
 @dataclass(frozen=True, slots=True)
 class EkfOutput:
@@ -99,6 +102,7 @@ class EkfState:
     health: dict[str, SourceHealth] = field(default_factory=dict)
 
     origin: Geodetic | None = None
+    origin_from_vehicle: bool = False
     positioned: bool = False
     field_known: bool = False
     field_started: bool = False

@@ -25,17 +25,26 @@ from estimators.ekf_fusion import (
     fuse_pose,
     fuse_range,
     fuse_rest,
+    source_alive,
     tilt_std_rad,
 )
-from estimators.ekf_model import CORE_SIZE, predict, predict_output, propagate_covariance, propagate_nominal
+from estimators.ekf_model import (
+    BAROMETER_OFFSET,
+    CORE_SIZE,
+    predict,
+    predict_output,
+    propagate_covariance,
+    propagate_nominal,
+)
 from estimators.ekf_parameters import EkfParameters
 from estimators.ekf_state import IMU_RING_SIZE, EkfOutput, EkfState, Reset, initial
 from models.estimate import Estimate
-from models.frames import Array, Geodetic, euler_from_quaternion, ned_from_geodetic
+from models.frames import Array, Geodetic, euler_from_quaternion, geodetic_from_ned, ned_from_geodetic
 from models.samples import (
     AnySample,
     BarometerSample,
     GnssSample,
+    HomeSample,
     ImuSample,
     MagnetometerSample,
     OriginSample,
@@ -71,7 +80,11 @@ def step(state: EkfState, samples: Sequence[AnySample], *, params: EkfParameters
             case PoseSample() | GnssSample() | MagnetometerSample() | BarometerSample() | RangeSample():
                 _enqueue(state, sample, params)
             case OriginSample():
-                _take_origin(state, sample, params)
+                place = Geodetic(sample.latitude_rad, sample.longitude_rad, sample.height_m)
+                _move_origin(state, place, sample.time_s, params)
+                state.origin_from_vehicle = True
+            case HomeSample():
+                _take_home(state, sample, params)
             case _:
                 pass
     if not state.running:
@@ -135,20 +148,27 @@ def _enqueue(state: EkfState, sample: Aiding, params: EkfParameters) -> None:
     bisect.insort(state.queue, (true_s, state.queued, sample))
 
 
-def _take_origin(state: EkfState, sample: OriginSample, params: EkfParameters) -> None:
+def _move_origin(state: EkfState, place: Geodetic, time_s: float, params: EkfParameters) -> None:
     """The vehicle says where its local frame begins: ours moves there, so that both speak of the same place."""
-    if params.origin is not None:
-        return
-    place = Geodetic(sample.latitude_rad, sample.longitude_rad, sample.height_m)
-    if state.origin == place:
+    if params.origin is not None or state.origin == place:
         return
     if state.origin is not None and state.running and state.positioned:
         north, east, down = ned_from_geodetic(state.origin, place)
         state.nominal[:3] += (north, east, down)
-        state.nominal[16] -= down
+        state.nominal[BAROMETER_OFFSET] += down
         state.ground_down_m += down
-        state.resets.append(Reset("origin", sample.time_s, "local origin moved to the vehicle's", (north, east, down)))
+        state.resets.append(Reset("origin", time_s, "local origin moved to the vehicle's", (north, east, down)))
     state.origin = place
+
+
+def _take_home(state: EkfState, sample: HomeSample, params: EkfParameters) -> None:
+    """Home in geodetic and local coordinates tells the origin too, for vehicles that do not send it."""
+    north, east, down = sample.position_ned_m
+    if state.origin_from_vehicle or not math.isfinite(north + east + down):
+        return
+    home = Geodetic(sample.latitude_rad, sample.longitude_rad, sample.height_m)
+    _move_origin(state, geodetic_from_ned((-north, -east, -down), home), sample.time_s, params)
+    state.origin_from_vehicle = True
 
 
 def _try_align(state: EkfState, params: EkfParameters) -> None:
@@ -252,19 +272,6 @@ def _estimate(state: EkfState, params: EkfParameters) -> Estimate:
         gyro_bias_rad_s=(gx, gy, gz),
         accel_bias_m_s2=(ax, ay, az),
         covariance=np.ascontiguousarray(covariance[:CORE_SIZE, :CORE_SIZE]),
-        position_valid=_position_valid(state, params),
+        position_valid=state.positioned and any(source_alive(state, name, params) for name in POSITION_SOURCES),
         attitude_valid=tilt_std_rad(state) < ATTITUDE_VALID_STD_RAD,
     )
-
-
-def _position_valid(state: EkfState, params: EkfParameters) -> bool:
-    """Whether a position source has been accepted within its silence limit, max(.1 s, 3 x its measured interval)."""
-    if not state.positioned:
-        return False
-    for name in POSITION_SOURCES:
-        health = state.health.get(name)
-        if health is not None and (
-            state.newest_arrival_s - health.accepted_arrival_s <= health.silence_limit_s(params)
-        ):
-            return True
-    return False

@@ -59,7 +59,8 @@ def joseph_update(
     P - K (H P) - (H P)' K' + K S K'. Nothing changes when the NIS e' S^-1 e exceeds ``threshold``.
 
     ``innovation`` (6,), ``jacobian`` (6, n), ``variance`` (6,): the first ``rows`` are used. ``correction`` (n,)
-    receives dx; ``report`` (8,) receives the NIS, NIS / threshold, and the diagonal of S. Returns whether it was accepted.
+    receives dx; ``report`` (8,) receives the NIS, NIS / threshold, and the diagonal of S. Returns whether it was
+    accepted.
     """
     n = covariance.shape[0]
     hp = np.zeros((rows, n))

@@ -143,7 +143,7 @@ class Bus:
     """A session on the station's bus. Usable from any thread, but never from the flight thread."""
 
     def __init__(self, session: zenoh.Session) -> None:
-        self._session = session
+        self._session: Any = session
         self._declared: list[Any] = []
 
     def __enter__(self) -> Bus:
@@ -206,7 +206,7 @@ class Bus:
         raise BusError(f"{topic}: no answer")
 
     def serve_commands(self, handler: Callable[[Request, Callable[[Answer], None]], None]) -> None:
-        """Answer commands: ``handler`` gets the request and a function to call once, from any thread, with the answer."""
+        """Answer commands: ``handler`` gets a request and a function to call once, from any thread, with the answer."""
         self._serve(Topic.COMMAND, _request_decoder.decode, handler)
 
     def serve_actions(self, handler: Callable[[ActionRequest, Callable[[ActionResult], None]], None]) -> None:

@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 import msgspec
 from msgspec import Meta
 
+from gcs.mavlink.urls import LinkUrlError, parse_link_url
 from models.arrays import Vec3
 from models.setpoints import Authority
 
@@ -137,7 +138,7 @@ def load_vehicle(path: Path) -> VehicleFile:
     vehicle = _convert_struct(path, "", table, VehicleFile)
     _check_scales(path, vehicle.scales)
     _check_rates(path, vehicle.message_rates)
-    check_link(vehicle.link, f'{path}: link = "{vehicle.link}"')
+    check_link(vehicle.link, f"{path}: link")
     parameter_file(vehicle, path)
     return vehicle
 
@@ -159,8 +160,6 @@ def parameter_file(vehicle: VehicleFile, vehicle_path: Path) -> Path:
 
 def check_link(url: str, where: str) -> None:
     """Raise ConfigError, beginning with ``where``, unless ``url`` is a link URL."""
-    from gcs.mavlink.endpoints import LinkUrlError, parse_link_url
-
     try:
         parse_link_url(url)
     except LinkUrlError as error:

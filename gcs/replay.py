@@ -1,8 +1,8 @@
-"""Replay of a recorded flight (.tlog): re-tick it from its stamps through our own fold and filter, and score the result.
+"""Replay of a recorded .tlog: re-tick it from its stamps through our own fold and filter, and score the result.
 
-Any .tlog will do: no vehicle file is asked for. The autopilot's HEARTBEAT chooses the sensor profile, the first fix tells
-the Earth's magnetic field, and what differs from one airframe to the next (hard iron, GNSS latency, IMU biases) is
-estimated in flight. Where the log holds simulation truth (SIM_STATE) our estimate and the autopilot's own are both
+Any .tlog will do: no vehicle file is asked for. The autopilot's HEARTBEAT chooses the sensor profile, the first fix
+tells the Earth's magnetic field, and what differs from one airframe to the next (hard iron, GNSS latency, IMU biases)
+is estimated in flight. Where the log holds simulation truth (SIM_STATE) our estimate and the autopilot's own are both
 compared with it at its stamps; elsewhere ours is compared with the autopilot's. Truth is never fused, and calibrates
 nothing but the one constant by which its own stamps are late.
 
@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from estimators.ekf_model import GNSS_DELAY, MAGNETIC_BIAS
 from estimators.full_state_ekf import EkfOutput, EkfParameters, Reset, initial, step
 from gcs.mavlink.codec import Decoder, Frame, decode
 from gcs.mavlink.dialect import message_name
@@ -100,7 +101,7 @@ class ReplayReport:
     magnetic_bias_t: Vec3
 
     def to_json(self) -> dict[str, Any]:
-        """Plain values: roll_rms_deg, pitch_rms_deg, heading_rms_deg, position_rms_m, the same with autopilot_, extras."""
+        """Plain values: roll_rms_deg, pitch_rms_deg, heading_rms_deg, position_rms_m, autopilot_ ones, extras."""
         flat: dict[str, Any] = {"messages_total": self.messages_total, "messages_bad": self.messages_bad}
         flat.update(asdict(self.ours))
         flat.update({f"autopilot_{key}": value for key, value in asdict(self.autopilot).items()})
@@ -169,9 +170,9 @@ def replay_log(
 ) -> ReplayReport:
     """Run the full-state filter over a .tlog and score it; ``progress`` hears the done fraction, 0 to 1.
 
-    ``parameters`` replace the profile the HEARTBEAT would choose; ``declination_rad`` overrides the World Magnetic Model.
-    The result depends on the file alone. Raises ReplayError if the log holds no vehicle or no IMU samples, OSError if it
-    cannot be read.
+    ``parameters`` replace the profile the HEARTBEAT would choose; ``declination_rad`` overrides the World Magnetic
+    Model. The result depends on the file alone. Raises ReplayError if the log holds no vehicle or no IMU samples,
+    OSError if it cannot be read.
     """
     vehicle, autopilot_id = _find_vehicle(path)
     params = recorded_parameters(autopilot_id) if parameters is None else parameters
@@ -180,64 +181,25 @@ def replay_log(
     size = max(path.stat().st_size, 1)
     reader = TlogReader(path)
     decoder = Decoder()
-    telemetry = Telemetry()
-    recording = _Recording()
-    counts: Counter[str] = Counter()
-    own, truth_messages, stray_bad = 0, 0, 0
-    state = initial(params)
-    waiting: list[AnySample] = []
-    origin: Geodetic | None = None
-    clock_s, newest_s, read_bytes = math.inf, -math.inf, 0
+    player = _Player(vehicle, params)
+    read_bytes = 0
     for utc_us, frame in _frames(reader, decoder):
         read_bytes += len(frame.raw) + 8
         if progress is not None and reader.records % 2000 == 0:
             progress(min(1.0, read_bytes / size))
-        counts[message_name(frame.message_id)] += 1
-        if (frame.system, frame.component) != vehicle:
-            stray_bad += 1
-            continue
-        own += 1
-        utc_s = 1e-6 * utc_us
-        message = decode(frame)
-        stamp_s = vehicle_stamp_s(message)
-        if stamp_s is not None:
-            if stamp_s < newest_s - REBOOT_S:
-                recording.forget_motion()
-                clock_s, newest_s, origin = math.inf, -math.inf, None
-            clock_s = min(clock_s, utc_s - stamp_s)
-            newest_s = max(newest_s, stamp_s)
-        if isinstance(message, SimState):
-            truth_messages += 1
-            recording.truth.append(_truth_row(utc_s, message))
-            continue
-        for sample in telemetry.fold_message(frame.message_id, message, utc_s - clock_s if clock_s < math.inf else 0.0):
-            recording.take_sample(sample)
-            waiting.append(sample)
-            if isinstance(sample, OriginSample):
-                origin = Geodetic(sample.latitude_rad, sample.longitude_rad, sample.height_m)
-            if isinstance(sample, ImuSample):
-                state, output = step(state, waiting, params=params)
-                recording.take_output(output)
-                waiting = []
+        player.take(1e-6 * utc_us, frame)
+    recording = player.recording
     if not recording.gyro:
         raise ReplayError(
             f"{path}: no IMU messages of vehicle {vehicle[0]}/{vehicle[1]}; "
             "record HIGHRES_IMU, or RAW_IMU of an ArduPilot vehicle, at 50 Hz or more"
         )
-    accounted = {
-        "folded": telemetry.folded.total(),
-        "repeated": telemetry.repeated.total(),
-        "unused": telemetry.unused.total(),
-        "bad": telemetry.bad.total(),
-        "truth": truth_messages,
-        "not_of_the_vehicle": stray_bad,
-    }
-    ours, theirs, reference, offset_s, window = _score(recording, state.origin, origin, clock_s)
-    delay_s = params.gnss_delay_s + float(state.nominal[17])
-    bias = state.nominal[21:24].tolist()
+    telemetry, state = player.telemetry, player.state
+    ours, theirs, reference, offset_s, window = _score(recording, state.origin, player.origin, player.clock_s)
+    bias = state.nominal[MAGNETIC_BIAS].tolist()
     return ReplayReport(
         path=str(path),
-        messages_total=own + stray_bad + decoder.bad_crc,
+        messages_total=player.counts.total() + decoder.bad_crc,
         messages_bad=decoder.bad_crc + telemetry.bad.total(),
         ours=ours,
         autopilot=theirs,
@@ -250,15 +212,81 @@ def replay_log(
         vehicle=vehicle,
         autopilot_id=autopilot_id,
         vehicle_type=telemetry.vehicle_type,
-        accounted=accounted,
-        messages=dict(sorted(counts.items())),
+        accounted=player.accounted(),
+        messages=dict(sorted(player.counts.items())),
         updates=dict(recording.updates),
         rejected=dict(recording.rejected),
         resets=tuple(recording.resets),
         samples_dropped=recording.dropped,
-        gnss_delay_s=delay_s,
+        gnss_delay_s=params.gnss_delay_s + float(state.nominal[GNSS_DELAY]),
         magnetic_bias_t=(bias[0], bias[1], bias[2]),
     )
+
+
+class _Player:
+    """One pass over a log: frames in, estimates into the recording.
+
+    The vehicle's clock is that of its stamps; a packet arrived at its UTC stamp less the smallest lag of the two so far.
+    """
+
+    def __init__(self, vehicle: tuple[int, int], params: EkfParameters) -> None:
+        self.vehicle = vehicle
+        self.params = params
+        self.telemetry = Telemetry()
+        self.recording = _Recording()
+        self.counts: Counter[str] = Counter()
+        self.truth_messages = 0
+        self.state = initial(params)
+        self.origin: Geodetic | None = None
+        self.clock_s = math.inf
+        self._newest_s = -math.inf
+        self._waiting: list[AnySample] = []
+
+    def take(self, utc_s: float, frame: Frame) -> None:
+        """Fold one frame and run the filter when it brought an IMU sample."""
+        self.counts[message_name(frame.message_id)] += 1
+        if (frame.system, frame.component) != self.vehicle:
+            return
+        message = decode(frame)
+        stamp_s = vehicle_stamp_s(message)
+        if stamp_s is not None:
+            self._set_clock(utc_s, stamp_s)
+        if isinstance(message, SimState):
+            self.truth_messages += 1
+            self.recording.truth.append(_truth_row(utc_s, message))
+            return
+        arrival_s = utc_s - self.clock_s if self.clock_s < math.inf else 0.0
+        for sample in self.telemetry.fold_message(frame.message_id, message, arrival_s):
+            self._take_sample(sample)
+
+    def accounted(self) -> dict[str, int]:
+        """What became of every message."""
+        fold = self.telemetry
+        return {
+            "folded": fold.folded.total(),
+            "repeated": fold.repeated.total(),
+            "unused": fold.unused.total(),
+            "bad": fold.bad.total(),
+            "truth": self.truth_messages,
+            "not_of_the_vehicle": self.counts.total() - fold.messages_total - self.truth_messages,
+        }
+
+    def _set_clock(self, utc_s: float, stamp_s: float) -> None:
+        if stamp_s < self._newest_s - REBOOT_S:
+            self.recording.forget_motion()
+            self.clock_s, self._newest_s, self.origin = math.inf, -math.inf, None
+        self.clock_s = min(self.clock_s, utc_s - stamp_s)
+        self._newest_s = max(self._newest_s, stamp_s)
+
+    def _take_sample(self, sample: AnySample) -> None:
+        self.recording.take_sample(sample)
+        self._waiting.append(sample)
+        if isinstance(sample, OriginSample):
+            self.origin = Geodetic(sample.latitude_rad, sample.longitude_rad, sample.height_m)
+        elif isinstance(sample, ImuSample):
+            self.state, output = step(self.state, self._waiting, params=self.params)
+            self.recording.take_output(output)
+            self._waiting = []
 
 
 def _frames(reader: TlogReader, decoder: Decoder) -> Iterator[tuple[int, Frame]]:

@@ -1,4 +1,4 @@
-"""How far one record of motion is from another: time alignment, interpolation, root-mean-square errors. Pure functions."""
+"""How far one record of motion is from another: time alignment, interpolation, root-mean-square errors; all pure."""
 
 from __future__ import annotations
 

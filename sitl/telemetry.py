@@ -166,9 +166,7 @@ class Telemetry:
 
     def attitude_quaternion(self, _: ImuCursor) -> bytes:
         nav = self._navigation.state()
-        return ATTITUDE_QUATERNION.pack(
-            self._boot_ms(), *nav.ned_from_body, *nav.rates_body_rad_s, 0.0, 0.0, 0.0, 0.0
-        )
+        return ATTITUDE_QUATERNION.pack(self._boot_ms(), *nav.ned_from_body, *nav.rates_body_rad_s, 0.0, 0.0, 0.0, 0.0)
 
     def local_position_ned(self, _: ImuCursor) -> bytes:
         nav = self._navigation.state()
@@ -223,7 +221,9 @@ class Telemetry:
         if battery is not None:
             millivolts, centiamps = round(1000.0 * battery.voltage_v), round(100.0 * battery.current_a)
             percent = round(100.0 * battery.remaining)
-        return SYS_STATUS.pack(present, present, present, 200, millivolts, centiamps, 0, 0, 0, 0, 0, 0, percent, 0, 0, 0)
+        return SYS_STATUS.pack(
+            *(present, present, present, 200, millivolts, centiamps, 0, 0, 0, 0, 0, 0, percent, 0, 0, 0)
+        )
 
     def extended_sys_state(self, _: ImuCursor) -> bytes:
         return EXTENDED_SYS_STATE.pack(0, self._autopilot.landed_state)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import binascii
 import struct
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -30,7 +31,7 @@ class Layout:
         self.name: str = message_class.msgname
         self.message_id: int = message_class.id
         self.crc_extra = bytes([message_class.crc_extra])
-        self.pack = message_class.unpacker.pack
+        self.pack: Callable[..., bytes] = message_class.unpacker.pack
         self._fields = list(
             zip(
                 message_class.ordered_fieldnames,
@@ -53,8 +54,7 @@ class Layout:
                 flat.append(values.pop(name, 0))
         if values:
             raise KeyError(f"{self.name} has no field {sorted(values)[0]!r}")
-        packed: bytes = self.pack(*flat)
-        return packed
+        return self.pack(*flat)
 
 
 @cache

@@ -181,7 +181,9 @@ def _add_design(router: APIRouter, station: Station) -> None:
         """Poles, margins and steps of the live and of the staged gain set: {"controller", "changes": {key: value}}."""
         try:
             wanted = msgspec.json.decode(await request.body(), type=design.DesignRequest)
-            report = await to_thread.run_sync(design.predict_change, wanted, station.feed.status)
+            report = await to_thread.run_sync(
+                design.predict_change, wanted, station.feed.status, station.feed.newest_signals()
+            )
         except msgspec.DecodeError as error:
             raise HTTPException(422, readable(error)) from error
         except design.DesignError as error:

@@ -11,7 +11,7 @@ import contextlib
 import io
 import math
 import threading
-from collections import defaultdict, deque
+from collections import deque
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,9 +31,19 @@ _ENU_FROM_NED_Q: Array = np.array([0.0, math.sqrt(0.5), math.sqrt(0.5), 0.0])
 
 TRAIL_S = 30.0
 _TRAIL_STEP_S = 0.1
+_TRAIL_GAP_S = 0.5
 _VELOCITY_SHOWN_S = 0.5
 _SIGMAS = 3.0
 _LEAST_SEMI_AXIS_M = 0.002
+
+# From where the named views look; overhead is a hair south of it, so that north stays at the top of the picture.
+_DIRECTIONS: dict[str, Array] = {
+    "free": np.array([0.47, -0.74, 0.48]),
+    "top": np.array([0.0, -0.002, 1.0]),
+    "north": np.array([0.0, -0.99, 0.1]),
+}
+_RADII_AWAY = 3.2
+_LEAST_RADIUS_M = 1.2
 
 _FLOWN = (118, 148, 255)
 _REFERENCE = (169, 179, 187)
@@ -102,11 +112,15 @@ def circle_segments(centre_m: Array, radius_m: float, count: int = 24) -> Array:
 
 
 def path_segments(points: Array, *, dashed: bool = False) -> Array:
-    """Consecutive points (N, 3) as line segments (M, 2, 3); a dashed path leaves every other one out."""
+    """Consecutive points (N, 3) as line segments (M, 2, 3); a dashed path leaves every other one out.
+
+    Nothing is joined across a point that is not a number. Without any segment one of no length is given, M being >= 1.
+    """
     if len(points) < 2:
         return np.zeros((1, 2, 3))
-    segments = np.stack([points[:-1], points[1:]], axis=1)
-    return segments[::2] if dashed else segments
+    segments = np.stack([points[:-1], points[1:]], axis=1)[:: 2 if dashed else 1]
+    known: Array = segments[np.isfinite(segments).all(axis=(1, 2))]
+    return known if len(known) else np.zeros((1, 2, 3))
 
 
 def letter_segments(text: str, height_m: float) -> Array:
@@ -116,7 +130,7 @@ def letter_segments(text: str, height_m: float) -> Array:
     for letter in text:
         strokes = _STROKES[letter]
         segments += [path_segments(np.array([[width + x, y, 0.0] for x, y in stroke])) for stroke in strokes]
-        width += 1.4 if strokes else 0.4
+        width += 1.4 if strokes else 0.8
     return (np.concatenate(segments) - [0.5 * width - 0.2, 0.5, 0.0]) * [0.6 * height_m, height_m, 1.0]
 
 
@@ -128,19 +142,20 @@ class CameraPose:
     look_at_enu_m: Array
 
 
-def camera_pose(view: str, vehicle_enu_m: Array, heading_rad: float) -> CameraPose:
-    """The pose of a named view about the vehicle."""
+def chase_pose(vehicle_enu_m: Array, heading_rad: float) -> CameraPose:
+    """Behind and above the vehicle, looking where it points."""
     forward = np.array([math.sin(heading_rad), math.cos(heading_rad), 0.0])
-    match view:
-        case "chase":
-            return CameraPose(vehicle_enu_m - 2.4 * forward + [0.0, 0.0, 0.9], vehicle_enu_m + 0.6 * forward)
-        case "top":
-            # A hair south of overhead, so that north stays at the top of the picture.
-            return CameraPose(vehicle_enu_m + [0.0, -0.01, 7.0], vehicle_enu_m)
-        case "north":
-            return CameraPose(vehicle_enu_m + [0.0, -5.0, 0.4], vehicle_enu_m)
-        case _:
-            return CameraPose(np.array([2.6, -4.4, 2.9]), np.array([0.0, 0.0, 0.7]))
+    return CameraPose(vehicle_enu_m - 2.4 * forward + [0.0, 0.0, 0.9], vehicle_enu_m + 0.6 * forward)
+
+
+def overview_pose(view: str, points_enu_m: Array) -> CameraPose:
+    """A camera that sees home and all of ``points_enu_m`` (N, 3): ``free``, ``top`` or ``north``."""
+    known = points_enu_m[np.isfinite(points_enu_m).all(axis=1)]
+    corners = np.concatenate([known, np.zeros((1, 3))])
+    lowest, highest = corners.min(axis=0), corners.max(axis=0)
+    centre = 0.5 * (lowest + highest)
+    radius_m = max(_LEAST_RADIUS_M, 0.5 * float(np.linalg.norm(highest - lowest)))
+    return CameraPose(centre + _RADII_AWAY * radius_m * _DIRECTIONS[view], centre)
 
 
 class Scene:
@@ -153,7 +168,6 @@ class Scene:
         self._server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
         self._owners: dict[int, str] = {}
         self._chasing: set[int] = set()
-        self._views: dict[int, str] = defaultdict(lambda: "free")
         self._flown: deque[Array] = deque(maxlen=round(TRAIL_S / _TRAIL_STEP_S))
         self._reference: deque[Array] = deque(maxlen=round(TRAIL_S / _TRAIL_STEP_S))
         self._trail_time_s = -math.inf
@@ -161,7 +175,7 @@ class Scene:
         self._heading_rad = 0.0
         self._draw_surroundings()
         self._nodes = _draw_vehicle(self._server.scene)
-        start = camera_pose("free", self._vehicle_enu_m, 0.0)
+        start = overview_pose("free", np.zeros((1, 3)))
         self._server.initial_camera.position = tuple(start.position_enu_m)
         self._server.initial_camera.look_at = tuple(start.look_at_enu_m)
         self._server.initial_camera.fov = math.radians(42.0)
@@ -191,7 +205,10 @@ class Scene:
 
     def look(self, client: str, view: str) -> int:
         """Point the cameras of one browser session and answer how many there were; ``chase`` follows until changed."""
-        pose = camera_pose(view, self._vehicle_enu_m, self._heading_rad)
+        if view == "chase":
+            pose = chase_pose(self._vehicle_enu_m, self._heading_rad)
+        else:
+            pose = overview_pose(view, np.array([self._vehicle_enu_m, *self._flown]))
         moved = 0
         for number, handle in self._server.get_clients().items():
             if self._owner_of(number) != client:
@@ -225,16 +242,18 @@ class Scene:
         self._chase()
 
     def _remember(self, time_s: float, reference_enu_m: Array) -> bool:
-        """Add to the trails every tenth of a second; a clock that went back starts them anew."""
+        """Add to the trails every tenth of a second; a gap stays a gap, a clock that went back starts anew."""
         if time_s < self._trail_time_s:
             self._flown.clear()
             self._reference.clear()
         elif time_s < self._trail_time_s + _TRAIL_STEP_S:
             return False
+        elif time_s > self._trail_time_s + _TRAIL_GAP_S:
+            self._flown.append(np.full(3, np.nan))
+            self._reference.append(np.full(3, np.nan))
         self._trail_time_s = time_s
         self._flown.append(self._vehicle_enu_m)
-        if np.isfinite(reference_enu_m).all():
-            self._reference.append(reference_enu_m)
+        self._reference.append(reference_enu_m)
         return True
 
     def _show_vehicle(self, frame: Array, ned_from_body: Array) -> None:
@@ -270,7 +289,7 @@ class Scene:
     def _chase(self) -> None:
         if not self._chasing:
             return
-        pose = camera_pose("chase", self._vehicle_enu_m, self._heading_rad)
+        pose = chase_pose(self._vehicle_enu_m, self._heading_rad)
         for number, handle in self._server.get_clients().items():
             if number in self._chasing:
                 _point(handle, pose)

@@ -14,6 +14,7 @@ from anyio import to_thread
 from gcs.bus import Backlog, Bus, BusError, Topic, decode_event, decode_recording, open_client
 from gcs.commands import Answer, Request
 from models.arrays import Array
+from web.design import warm_up
 from web.scene import TRAIL_S, Scene
 from web.stream import Feed
 
@@ -44,7 +45,11 @@ class StationLink:
     @asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
         """Keep feed and scene up to date for as long as the context lasts."""
-        tasks = [asyncio.create_task(self._connect()), asyncio.create_task(self._draw())]
+        tasks = [
+            asyncio.create_task(self._connect()),
+            asyncio.create_task(self._draw()),
+            asyncio.create_task(to_thread.run_sync(warm_up)),
+        ]
         for task in tasks:
             task.add_done_callback(_report_failure)
         try:

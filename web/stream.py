@@ -12,10 +12,12 @@ from collections.abc import Iterator
 from typing import Any
 
 import msgspec
+import numpy as np
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from gcs.records import Event, RecordingStatus
 from gcs.signals import FRAME_SIZE, SIGNALS, SLICES
+from models.arrays import Array
 from web.auth import Session, SessionStore
 
 FRAME_BYTES = 8 * FRAME_SIZE
@@ -84,6 +86,11 @@ class Feed:
     @property
     def newest_frame(self) -> bytes | None:
         return self._frames[-1] if self._frames else None
+
+    def newest_signals(self) -> Array | None:
+        """The newest frame as numbers, a copy."""
+        newest = self.newest_frame
+        return np.frombuffer(newest).copy() if newest is not None else None
 
     @property
     def watchers(self) -> list[str]:

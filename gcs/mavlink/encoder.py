@@ -95,9 +95,6 @@ class Encoder:
             thrust,
             *target,
             type_mask,
-            0.0,
-            0.0,
-            0.0,
         )
 
     def set_position_target_local_ned(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import select
 
 import serial
 
@@ -40,6 +41,11 @@ class SerialEndpoint(Endpoint):
                 break
             try:
                 data = os.read(self._port.fileno(), MAX_DATAGRAM)
+                # A quiet line and a device that is gone both read as nothing; only the latter is always readable.
+                if not data and self._is_readable():
+                    data = os.read(self._port.fileno(), MAX_DATAGRAM)
+                    if not data:
+                        self._lose()
             except BlockingIOError:
                 break
             except OSError:
@@ -49,6 +55,9 @@ class SerialEndpoint(Endpoint):
                 break
             packets.append(data)
         return packets
+
+    def _is_readable(self) -> bool:
+        return bool(select.select([self.fileno()], [], [], 0.0)[0])
 
     def send(self, data: bytes) -> bool:
         if self._port is None or not self._flush():

@@ -70,8 +70,12 @@ def _derivative(x, rotor_command, wind, torque, mass, inertia, drag, moments, le
 def _advance(x, rotor_command, wind, torque, dt, steps, mass, inertia, drag, moments, lever, kf, kt, lag):
     for _ in range(steps):
         k1 = _derivative(x, rotor_command, wind, torque, mass, inertia, drag, moments, lever, kf, kt, lag)
-        k2 = _derivative(x + 0.5 * dt * k1, rotor_command, wind, torque, mass, inertia, drag, moments, lever, kf, kt, lag)
-        k3 = _derivative(x + 0.5 * dt * k2, rotor_command, wind, torque, mass, inertia, drag, moments, lever, kf, kt, lag)
+        k2 = _derivative(
+            x + 0.5 * dt * k1, rotor_command, wind, torque, mass, inertia, drag, moments, lever, kf, kt, lag
+        )
+        k3 = _derivative(
+            x + 0.5 * dt * k2, rotor_command, wind, torque, mass, inertia, drag, moments, lever, kf, kt, lag
+        )
         k4 = _derivative(x + dt * k3, rotor_command, wind, torque, mass, inertia, drag, moments, lever, kf, kt, lag)
         x = x + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
     return x
@@ -81,7 +85,9 @@ def rotor_speeds(thrust_n: float, torque_n_m: tuple[float, float, float], p: Qua
     """Rotor speeds (4,) of the X mixer, yaw shed first, then thrust moved to keep roll and pitch."""
     lever, yaw_lever = p.arm_m / math.sqrt(2.0), p.rotor_torque_coefficient_n_m_s2 / p.rotor_force_coefficient_n_s2
     least, most = p.rotor_force_coefficient_n_s2 * p.rotor_min_speed_rad_s**2, p.rotor_max_force_n
-    tilt = np.array([1, -1, -1, 1]) * torque_n_m[0] / (4 * lever) + np.array([1, 1, -1, -1]) * torque_n_m[1] / (4 * lever)
+    tilt = np.array([1, -1, -1, 1]) * torque_n_m[0] / (4 * lever) + np.array([1, 1, -1, -1]) * torque_n_m[1] / (
+        4 * lever
+    )
     tilt *= min(1.0, (most - least) / max(np.ptp(tilt), 1e-9))
     mean = np.clip(thrust_n / 4, least - tilt.min(), most - tilt.max())
     yaw = np.array([1, -1, 1, -1]) * torque_n_m[2] / (4 * yaw_lever)
@@ -109,7 +115,9 @@ class Rig:
         self.state = np.zeros(16)
         self.state[0:3] = self.position_ned_m
         self.state[8] = self.yaw_rad
-        self.state[12:16] = math.sqrt(self.parameters.mass_kg * GRAVITY / 4 / self.parameters.rotor_force_coefficient_n_s2)
+        self.state[12:16] = math.sqrt(
+            self.parameters.mass_kg * GRAVITY / 4 / self.parameters.rotor_force_coefficient_n_s2
+        )
         self.log: list[np.ndarray] = []
         self.commands: list[np.ndarray] = []
 

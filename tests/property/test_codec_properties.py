@@ -77,9 +77,7 @@ def test_one_damaged_byte_costs_at_most_its_own_packet(
 
 
 @given(streams(), st.binary(max_size=60))
-def test_frames_are_found_behind_noise(
-    stream: tuple[bytes, list[tuple[int, ...]], list[bytes]], noise: bytes
-) -> None:
+def test_frames_are_found_behind_noise(stream: tuple[bytes, list[tuple[int, ...]], list[bytes]], noise: bytes) -> None:
     data, _, packets = stream
     decoder = Decoder()
     raws = [frame.raw for frame in decoder.feed(noise + data + bytes(300))]

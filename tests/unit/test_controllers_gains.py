@@ -8,6 +8,7 @@ import msgspec
 import pytest
 
 from controllers.gains import (
+    GAIN_SET_FOLDER,
     GainError,
     GainSet,
     edited,
@@ -96,8 +97,6 @@ def test_bad_file_names_file_and_key(tmp_path: Path, text: str, words: str) -> N
 
 
 def test_file_out_of_range_is_refused(tmp_path: Path) -> None:
-    from controllers.gains import GAIN_SET_FOLDER
-
     text = (GAIN_SET_FOLDER / "pid_default.toml").read_text().replace("p = 35.0", "p = 3500.0")
     (tmp_path / "pid_hot.toml").write_text(text)
     with pytest.raises(GainError, match=r"pid_hot.toml.*yaw.p = 3500.*0 to 500"):

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import solve_continuous_lyapunov
 
 from controllers.gains import LqrWeights, load_gain_set
 from controllers.lqr import augmented, design_loop, design_lqr, lqr_law
@@ -75,15 +76,13 @@ def test_true_augmented_poles(published: LqrWeights) -> None:
 
 
 def test_design_loop_solves_the_riccati_equation() -> None:
-    """(4.5): the cost of the optimal law equals x' P x, checked by integrating the closed loop's cost (Lyapunov)."""
+    """(4.2): no other gain is cheaper; the cost of a gain comes from a Lyapunov equation, not from (4.5)."""
     model = height_model(PARAMETERS)
     q, r = np.array([0.2, 0.1, 3.0]), np.array([0.2])
     k, ki = design_loop(model, q, r)
     a, b = augmented(model)
     gain = np.hstack((k, ki))
     closed = a - b @ gain
-    from scipy.linalg import solve_continuous_lyapunov
-
     cost = solve_continuous_lyapunov(closed.T, -(np.diag(q) + gain.T @ np.diag(r) @ gain))
     rng = np.random.default_rng(5)
     for _ in range(20):

@@ -93,9 +93,9 @@ export function holdsControls(s: State): boolean {
 }
 
 export function airborne(s: State): boolean {
-  return s.status !== null && s.status.armed && s.status.landed !== "on_ground";
+  return s.status !== null && s.status.armed && s.status.landed !== "on ground";
 }
 
 export function flying(s: State): boolean {
-  return s.status !== null && (s.status.state === "ACTIVE" || s.status.state === "DEGRADED");
+  return s.status !== null && (s.status.state === "Offboard" || s.status.state === "Streaming");
 }

@@ -26,11 +26,8 @@ function Cell({ name, label, tone = "", view, children }: CellProps): JSX.Elemen
   );
 }
 
+const OURS = ["Streaming", "Offboard", "Degraded"];
 const CONTROLLER_NAMES = { lqr: "LQR+I", pid: "PI" } as const;
-const MODE_NAMES: Record<string, string> = {
-  DISCONNECTED: "Disconnected", STANDBY: "Standby", STREAMING: "Streaming", ACTIVE: "Offboard", DEGRADED: "Degraded", RELEASED: "Released",
-};
-
 export function controllerName(kind: "lqr" | "pid"): string {
   return CONTROLLER_NAMES[kind];
 }
@@ -56,9 +53,9 @@ function ModeCell({ s }: { s: State }): JSX.Element {
   if (!status) return <Cell name="mode" label="Mode" view="fly">–</Cell>;
   const lost = status.link_state === "lost";
   const failsafe = lost ? "Failsafe expected: hold" : failsafeOf(status);
-  const ours = status.state === "ACTIVE" || status.state === "DEGRADED";
-  const mode = ours || !status.vehicle_mode ? (MODE_NAMES[status.state] ?? status.state) : status.vehicle_mode;
-  const tone: Tone = failsafe ? "warning" : status.state === "DEGRADED" ? "caution" : "";
+  // While we do not steer, the vehicle's own mode says more than our state.
+  const mode = OURS.includes(status.state) || !status.vehicle_mode ? status.state : status.vehicle_mode;
+  const tone: Tone = failsafe ? "warning" : status.state === "Degraded" ? "caution" : "";
   return (
     <Cell name="mode" label="Mode" tone={tone} view="fly">
       {failsafe || <>{mode}, {status.armed ? "armed" : "disarmed"} <i class="wide">no failsafe</i></>}
@@ -111,7 +108,7 @@ function RecordingCell({ s }: { s: State }): JSX.Element {
 function announcement(s: State): string {
   const status = s.status;
   if (!status) return "No vehicle";
-  return `${MODE_NAMES[status.state] ?? status.state}, ${status.armed ? "armed" : "disarmed"}, link ${status.link_state}, ${controllerName(status.controller)} set ${status.gain_set}`;
+  return `${status.state}, ${status.armed ? "armed" : "disarmed"}, link ${status.link_state}, ${controllerName(status.controller)} set ${status.gain_set}`;
 }
 
 function utcNow(s: State, now: number): number {

@@ -44,7 +44,7 @@ interface Box {
 }
 
 function ladder(pen: Pen, scale: number, small: number, roomy: boolean): void {
-  pen.strokeStyle = pen.fillStyle = "#e6eaed";
+  pen.strokeStyle = pen.fillStyle = colour("text");
   pen.lineWidth = 1;
   font(pen, small);
   pen.textBaseline = "middle";
@@ -64,7 +64,7 @@ function ladder(pen: Pen, scale: number, small: number, roomy: boolean): void {
 }
 
 function rollScale(pen: Pen, radius: number): void {
-  pen.strokeStyle = "#e6eaed";
+  pen.strokeStyle = colour("text");
   for (const degrees of [-60, -45, -30, -20, -10, 0, 10, 20, 30, 45, 60]) {
     const angle = (degrees - 90) / RAD_TO_DEG;
     const length = degrees % 30 === 0 ? 12 : 7;
@@ -95,7 +95,7 @@ function attitudeSetpoint(pen: Pen, s: HorizonState, scale: number): void {
   pen.save();
   pen.rotate(s.rollSetRad - s.rollRad);
   pen.translate(0, (s.pitchRad - s.pitchSetRad) * RAD_TO_DEG * scale);
-  pen.strokeStyle = "#e6eaed";
+  pen.strokeStyle = colour("text");
   pen.lineWidth = 1.5;
   pen.setLineDash([5, 4]);
   line(pen, -96, 0, -72, 0);
@@ -120,7 +120,7 @@ function attitude(pen: Pen, box: Box, s: HorizonState, small: number): void {
     pen.fillRect(-far, -far, 2 * far, far);
     pen.fillStyle = colour("earth");
     pen.fillRect(-far, 0, 2 * far, far);
-    pen.strokeStyle = "#ffffff";
+    pen.strokeStyle = colour("text");
     pen.lineWidth = 1.5;
     line(pen, -far, 0, far, 0);
     ladder(pen, scale, small, box.height > ROOMY_PX);
@@ -139,7 +139,7 @@ function attitude(pen: Pen, box: Box, s: HorizonState, small: number): void {
     pen.rotate(-s.rollRad);
     rollScale(pen, radius);
     pen.restore();
-    pen.fillStyle = "#ffffff";
+    pen.fillStyle = colour("text");
     pen.beginPath();
     pen.moveTo(0, -radius + 14); pen.lineTo(-6, -radius + 24); pen.lineTo(6, -radius + 24);
     pen.fill();

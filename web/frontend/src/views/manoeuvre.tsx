@@ -39,7 +39,7 @@ export function ManoeuvreProgress(): JSX.Element {
     <div class="progress-block" data-testid="manoeuvre-progress">
       <p class="flying" data-testid="manoeuvre-description">{trajectory?.description || "No trajectory"}</p>
       <div class="figures">
-        <Figure label="Lap" value={lap === null ? "–" : lap === 0 ? "way in" : String(lap)} />
+        <Figure label="Lap" value={lap === null ? "–" : String(lap)} />
         <Figure label={`Error RMS, ${RMS_S} s`} value={fixed(positionRms(), 2)} unit="m" />
         <Figure label="Done" value={progress === null ? "endless" : fixed(progress * 100, 0)} unit={progress === null ? "" : "%"} />
         <Figure label="Left" value={left === null ? "endless" : left < 100 ? fixed(left, 0) : minutes(left)} unit={left !== null && left < 100 ? "s" : ""} />

@@ -7,8 +7,8 @@ import { megabytes, minutes } from "../format";
 
 interface Run {
   name: string;
-  size_bytes: number;
-  length_s: number | null;
+  bytes: number;
+  summary: { ticks?: number; vehicle?: { name?: string }; length_s?: number };
 }
 
 export function RunsView(): JSX.Element {
@@ -29,7 +29,7 @@ export function RunsView(): JSX.Element {
         <div class="scroll"><table class="grid-table runs-table">
           <thead><tr><th>Run</th><th>Length</th><th>Size</th></tr></thead>
           <tbody>{runs.map((run) => (
-            <tr key={run.name}><td>{run.name}</td><td>{run.length_s === null ? "–" : minutes(run.length_s)}</td><td>{megabytes(run.size_bytes)}</td></tr>))}</tbody>
+            <tr key={run.name}><td>{run.name}</td><td>{run.summary.length_s === undefined ? "–" : minutes(run.summary.length_s)}</td><td>{megabytes(run.bytes)}</td></tr>))}</tbody>
         </table></div>
       )}
       <p class="empty">Open a run in any ground station (flight.tlog) or in Foxglove (signals.mcap). Replay in this view comes later.</p>

@@ -65,7 +65,7 @@ export function TrajectoryForm({ give, say }: Props): JSX.Element | null {
           const bad = typeof checked(field, text, axis) === "string";
           return (
             <label key={field.name} class="labelled">
-              <span class="label">{field.label}<span class="unit">{unit}</span></span>
+              <span class="label">{field.label[0]?.toUpperCase() + field.label.slice(1)}<span class="unit">{unit}</span></span>
               <input class="field" data-testid={`trajectory-${field.name}`} inputMode="decimal" value={text} aria-invalid={bad} placeholder={field.default === null ? "keep" : ""}
                 onInput={(e) => setTyped({ ...typed, [`${kind.kind}.${field.name}`]: e.currentTarget.value })} />
             </label>

@@ -1,2 +1,153 @@
+// Tune: staged edits against the live set, with poles, margins and steps of both before anything is sent.
+
 import type { JSX } from "preact";
-export function TuneView(): JSX.Element { return <section class="panel whole" />; }
+import { useEffect, useMemo, useRef, useState } from "preact/hooks";
+import { undoGains } from "../actions";
+import { send, StationError } from "../api";
+import { Segments } from "../controls";
+import { type GainTables, loadGains, type Prediction, useDesign } from "../design";
+import { type FlownStep, flownStep } from "../flown_step";
+import { useClock } from "../frame_loop";
+import { airborne, holdsControls, say, useStore } from "../store";
+import { type Staged, stagedOf, type Texts } from "../staged";
+import { type Group, GROUPS, LOOP_NAMES, LOOPS, title } from "../tune_groups";
+import { ControllerSwitch } from "./manoeuvre";
+import { TuneCheck } from "./tune_check";
+import { EditFoot, EditTable, GainsFromWeights } from "./tune_edit";
+import { TuneHistory } from "./tune_history";
+import { TuneMargins } from "./tune_margins";
+import { TunePoles } from "./tune_poles";
+import { TuneSteps } from "./tune_steps";
+
+function useTables(gainSet: number): GainTables | null {
+  const [tables, setTables] = useState<GainTables | null>(null);
+  const live = useStore((s) => s.station === "live" && s.session !== null);
+  useEffect(() => {
+    if (!live) return;
+    loadGains().then(setTables).catch((error: unknown) => {
+      if (!(error instanceof StationError)) throw error;
+      say("caution", error.message);
+    });
+  }, [gainSet, live]);
+  return tables;
+}
+
+// A flown step is searched once a second: it costs a walk over the ring.
+function useFlown(loop: string, prediction: Prediction | null): FlownStep | null {
+  const now = useClock(1000);
+  const step = prediction?.live.loops.find((l) => l.name === loop)?.step;
+  const found = step ? flownStep(loop, step.size, step.time_s[step.time_s.length - 1] ?? 8) : null;
+  const stamp = found ? `${found.startS} ${found.time_s.length}` : "";
+  return useMemo(() => found, [stamp, loop, now > 0 && step?.size]);
+}
+
+interface Guard {
+  blocked: string;
+  caution: string;
+}
+
+function guard(staged: Staged, prediction: Prediction | null, problem: string, moved: boolean, hold: boolean): Guard {
+  const typed = Object.values(staged.problems)[0];
+  if (typed) return { blocked: `Refused: ${typed}.`, caution: "" };
+  if (Object.keys(staged.changes).length === 0) return { blocked: "", caution: "" };
+  if (problem) return { blocked: `Refused: ${problem}`, caution: "" };
+  if (moved) return { blocked: "Live values changed under these edits. Discard, or keep them against the new set.", caution: "" };
+  const report = prediction?.staged;
+  if (report && !report.stable) return { blocked: "Refused: staged poles are unstable. Lower the change until all are left of 0.", caution: "" };
+  const first = report?.warnings.find((w) => !prediction?.live.warnings.some((l) => l.loop === w.loop && l.quantity === w.quantity)) ?? report?.warnings[0];
+  if (!first) return { blocked: "", caution: hold ? "In the air: Apply needs a 0.8 s press." : "" };
+  const more = (report?.warnings.length ?? 1) - 1;
+  return { blocked: "", caution: `Staged: ${first.text}${more > 0 ? ` And ${more} more.` : ""}${hold ? " Apply needs a 0.8 s press." : ""}` };
+}
+
+function useStaging(gainSet: number): { texts: Texts; set: (key: string, text: string | null) => void; clear: () => void; moved: boolean; keep: () => void } {
+  const [texts, setTexts] = useState<Texts>({});
+  const base = useRef(gainSet);
+  const empty = Object.keys(texts).length === 0;
+  if (empty) base.current = gainSet;
+  const [, again] = useState(0);
+  return {
+    texts,
+    set: (key, text) => setTexts((old) => {
+      const { [key]: _gone, ...rest } = old;
+      return text === null ? rest : { ...rest, [key]: text };
+    }),
+    clear: () => setTexts({}),
+    moved: base.current !== gainSet,
+    keep: () => { base.current = gainSet; again((n) => n + 1); },
+  };
+}
+
+export function TuneView(): JSX.Element {
+  const [group, setGroup] = useState<Group>("roll");
+  const [axis, setAxis] = useState("x");
+  const [why, setWhy] = useState("");
+  const [refused, setRefused] = useState("");
+  const kind = useStore((s) => s.status?.controller ?? null);
+  const gainSet = useStore((s) => s.status?.gain_set ?? 0);
+  const canUndo = useStore((s) => (s.status?.gain_history.length ?? 0) > 1);
+  const mine = useStore(holdsControls);
+  const hold = useStore(airborne);
+  const tables = useTables(gainSet);
+  const staging = useStaging(gainSet);
+  const own = kind && tables ? tables.controllers[kind] : null;
+  const live = own?.newest.values ?? {};
+  const staged = useMemo(() => stagedOf(staging.texts, live, own?.table ?? []), [staging.texts, own]);
+  const count = Object.keys(staged.changes).length;
+  const design = useDesign(kind, staged.changes, gainSet);
+  const prediction = design.prediction?.controller === kind ? design.prediction : null;
+  const loop = group === "position" ? axis : (LOOPS[group][0] ?? "roll");
+  const flown = useFlown(loop, prediction);
+  const { blocked, caution } = guard(staged, prediction, design.problem, staging.moved, hold);
+  const report = (which: "live" | "staged"): Prediction["live"] | null => (which === "staged" && count === 0 ? null : (prediction?.[which] ?? null));
+  const loopOf = (which: "live" | "staged") => report(which)?.loops.find((l) => l.name === loop);
+
+  const apply = (): void => {
+    void send({ type: "apply_gains", changes: staged.changes, why: why.trim() }).then((answer) => {
+      setRefused(answer.accepted ? "" : `Refused: ${answer.reason}`);
+      if (!answer.accepted) return;
+      staging.clear();
+      setWhy("");
+      say("advisory", count === 1 ? "1 edit applied." : `${count} edits applied.`);
+    });
+  };
+  const undo = (): void => void undoGains().then((answer) => setRefused(answer.accepted ? "" : `Refused: ${answer.reason}`));
+  const discard = (): void => { staging.clear(); setRefused(""); };
+  useEffect(() => {
+    window.addEventListener("undo-gains", undo);
+    const find = (): void => document.querySelector<HTMLInputElement>(".edit-table input")?.focus();
+    window.addEventListener("find-field", find);
+    return () => { window.removeEventListener("undo-gains", undo); window.removeEventListener("find-field", find); };
+  }, []);
+  useEffect(() => setRefused(""), [kind, staging.texts]);
+
+  const rows = own?.table.filter((row) => row.group === group) ?? [];
+  return (
+    <div class="tune">
+      <section class="panel edit">
+        <div class="tabs" role="tablist">
+          {GROUPS.map((name) => <button type="button" role="tab" key={name} data-testid={`tune-tab-${name}`} aria-selected={group === name} onClick={() => setGroup(name)}>{title(name)}</button>)}
+        </div>
+        <div class="scroll">
+          <header class="head"><h2>{kind === "pid" ? "Gains" : "Weights"}</h2><span class="right"><ControllerSwitch onRefused={setRefused} /></span></header>
+          {own ? <EditTable rows={rows} live={live} texts={staging.texts} staged={staged} weights={kind === "lqr"} disabled={false} onText={staging.set} />
+            : <p class="empty"><b>No gain set yet.</b>The live set appears when the flight process reports its status.</p>}
+          {kind === "lqr" && <GainsFromWeights group={group} prediction={prediction} edits={count > 0} />}
+          <TuneCheck loop={loop} step={loopOf("live")?.step} flown={flown} />
+        </div>
+        {staging.moved && count > 0 && <div class="keys moved"><button type="button" class="key" data-testid="tune-keep" onClick={staging.keep}>Keep edits against set {gainSet}</button></div>}
+        <EditFoot count={count} why={why} onWhy={setWhy} mine={mine} hold={hold} blocked={blocked} caution={caution} refused={refused}
+          gainSet={gainSet} canUndo={canUndo} onApply={apply} onDiscard={discard} onUndo={undo} />
+      </section>
+      <div class="middle">
+        {group === "position" && <span class="axis-pick"><Segments testid="tune-axis" label="Axis" value={axis} options={["x", "y"].map((value) => ({ value, text: LOOP_NAMES[value] ?? value }))} onPick={setAxis} /></span>}
+        <TuneSteps loop={loop} live={loopOf("live")} staged={loopOf("staged") ?? null} flown={flown} />
+        <TuneHistory loop={loop} />
+      </div>
+      <div class="right-column" data-took={Math.round(design.tookMs)} data-testid="tune-design">
+        <TunePoles live={report("live")} staged={report("staged")} group={group} />
+        <TuneMargins loop={loop} live={report("live")} staged={report("staged")} flown={flown} />
+      </div>
+    </div>
+  );
+}

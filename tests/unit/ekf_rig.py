@@ -1,0 +1,200 @@
+"""A vehicle on a known path with honest sensors, for the filter's tests: exact kinematics, seeded noise, no dynamics.
+
+Position and Euler angles are sums of sines, so velocity, acceleration and body rates are exact at any time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from models.estimate import Estimate
+from models.frames import Array, Geodetic, Vec3, geodetic_from_ned, quaternion_from_euler, rotation_from_quaternion
+from models.samples import (
+    AnySample,
+    BarometerSample,
+    GnssSample,
+    ImuSample,
+    MagnetometerSample,
+    PoseSample,
+)
+
+GRAVITY_M_S2 = 9.80665
+HOME = Geodetic(math.radians(47.397742), math.radians(8.545594), 488.0)
+ZERO: Vec3 = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Path:
+    """Amplitudes and angular frequencies of position [m] and of roll, pitch, yaw [rad]; ``drift`` [m/s] is added."""
+
+    amplitude_m: Vec3 = (2.0, 1.5, 0.5)
+    frequency_rad_s: Vec3 = (0.8, 1.1, 0.6)
+    amplitude_rad: Vec3 = (0.3, 0.25, 0.8)
+    angular_frequency_rad_s: Vec3 = (1.3, 0.9, 0.4)
+    drift_m_s: Vec3 = ZERO
+
+    def position(self, t: float) -> Array:
+        a, w = np.array(self.amplitude_m), np.array(self.frequency_rad_s)
+        return a * np.sin(w * t) + np.array(self.drift_m_s) * t
+
+    def velocity(self, t: float) -> Array:
+        a, w = np.array(self.amplitude_m), np.array(self.frequency_rad_s)
+        return a * w * np.cos(w * t) + np.array(self.drift_m_s)
+
+    def acceleration(self, t: float) -> Array:
+        a, w = np.array(self.amplitude_m), np.array(self.frequency_rad_s)
+        return -a * w * w * np.sin(w * t)
+
+    def quaternion(self, t: float) -> Array:
+        a, w = np.array(self.amplitude_rad), np.array(self.angular_frequency_rad_s)
+        return quaternion_from_euler(*(a * np.sin(w * t)).tolist())
+
+    def rates(self, t: float) -> Array:
+        a, w = np.array(self.amplitude_rad), np.array(self.angular_frequency_rad_s)
+        roll, pitch, _ = a * np.sin(w * t)
+        roll_rate, pitch_rate, yaw_rate = a * w * np.cos(w * t)
+        return np.array(
+            [
+                roll_rate - yaw_rate * math.sin(pitch),
+                pitch_rate * math.cos(roll) + yaw_rate * math.sin(roll) * math.cos(pitch),
+                -pitch_rate * math.sin(roll) + yaw_rate * math.cos(roll) * math.cos(pitch),
+            ]
+        )
+
+    def force(self, t: float) -> Array:
+        r = rotation_from_quaternion(self.quaternion(t))
+        return r.T @ (self.acceleration(t) - np.array([0.0, 0.0, GRAVITY_M_S2]))
+
+
+REST = Path(amplitude_m=ZERO, amplitude_rad=ZERO)
+
+
+@dataclass
+class Rig:
+    """Sensors on a path. ``step`` gives the samples of one IMU interval; biases walk, and can be made to jump."""
+
+    path: Path
+    seed: int
+    imu_hz: float = 100.0
+    gyro_noise: float = 1e-3
+    accel_noise: float = 1e-2
+    gyro_walk: float = 2e-4
+    accel_walk: float = 2e-3
+    gyro_bias: Array = field(default_factory=lambda: np.zeros(3))
+    accel_bias: Array = field(default_factory=lambda: np.zeros(3))
+    pose_every: int = 1
+    pose_std_m: float = 2e-3
+    yaw_std_rad: float = 1e-2
+    gnss_every: int = 0
+    gnss_std_m: float = 0.5
+    gnss_speed_std_m_s: float = 0.1
+    gnss_delay_s: float = 0.0
+    magnetometer_every: int = 0
+    field_ned_t: Vec3 = (2.15e-5, 1.4e-6, 4.33e-5)
+    hard_iron_t: Vec3 = ZERO
+    barometer_every: int = 0
+
+    def __post_init__(self) -> None:
+        self.rng = np.random.default_rng(self.seed)
+        self.count = 0
+
+    @property
+    def time_s(self) -> float:
+        """Time of the newest IMU sample; starts at 1 s, as a vehicle's clock would."""
+        return 1.0 + self.count / self.imu_hz
+
+    def run(self, duration_s: float) -> Iterator[tuple[float, list[AnySample]]]:
+        """Time and samples of each IMU interval for so long."""
+        for _ in range(round(duration_s * self.imu_hz)):
+            yield self.step()
+
+    def step(self) -> tuple[float, list[AnySample]]:
+        self.count += 1
+        t, dt = self.time_s, 1.0 / self.imu_hz
+        normal = self.rng.standard_normal
+        self.gyro_bias = self.gyro_bias + self.gyro_walk * math.sqrt(dt) * normal(3)
+        self.accel_bias = self.accel_bias + self.accel_walk * math.sqrt(dt) * normal(3)
+        gyro = self.path.rates(t) + self.gyro_bias + self.gyro_noise / math.sqrt(dt) * normal(3)
+        accel = self.path.force(t) + self.accel_bias + self.accel_noise / math.sqrt(dt) * normal(3)
+        samples: list[AnySample] = [
+            ImuSample(time_s=t, arrival_s=t, gyro_body_rad_s=_vec(gyro), accel_body_m_s2=_vec(accel))
+        ]
+        if self.pose_every and self.count % self.pose_every == 0:
+            samples.append(self.pose(t))
+        if self.gnss_every and self.count % self.gnss_every == 0:
+            samples.append(self.gnss(t))
+        if self.magnetometer_every and self.count % self.magnetometer_every == 0:
+            r = rotation_from_quaternion(self.path.quaternion(t))
+            measured = r.T @ np.array(self.field_ned_t) + np.array(self.hard_iron_t) + 4e-7 * normal(3)
+            samples.append(MagnetometerSample(time_s=t, arrival_s=t, field_body_t=_vec(measured)))
+        if self.barometer_every and self.count % self.barometer_every == 0:
+            height = HOME.height_m - float(self.path.position(t)[2]) + 7.0 + 0.2 * float(normal())
+            pressure = 101325.0 * (1.0 - 0.0065 * height / 288.15) ** 5.25588
+            samples.append(BarometerSample(time_s=t, arrival_s=t, pressure_pa=pressure, temperature_k=288.0))
+        return t, samples
+
+    def pose(self, t: float) -> PoseSample:
+        position = self.path.position(t) + self.pose_std_m * self.rng.standard_normal(3)
+        a, w = np.array(self.path.amplitude_rad), np.array(self.path.angular_frequency_rad_s)
+        roll, pitch, yaw = (a * np.sin(w * t)).tolist()
+        yaw += self.yaw_std_rad * float(self.rng.standard_normal())
+        q = quaternion_from_euler(roll, pitch, yaw).tolist()
+        return PoseSample(time_s=t, arrival_s=t, position_ned_m=_vec(position), ned_from_body=(q[0], q[1], q[2], q[3]))
+
+    def gnss(self, t: float, offset_ned_m: Vec3 = ZERO) -> GnssSample:
+        """A fix handed over at t, true for ``gnss_delay_s`` before."""
+        true_s = t - self.gnss_delay_s
+        position = self.path.position(true_s) + self.gnss_std_m * self.rng.standard_normal(3) + np.array(offset_ned_m)
+        velocity = self.path.velocity(true_s) + self.gnss_speed_std_m_s * self.rng.standard_normal(3)
+        place = geodetic_from_ned(_vec(position), HOME)
+        return GnssSample(
+            time_s=t,
+            arrival_s=t,
+            latitude_rad=place.latitude_rad,
+            longitude_rad=place.longitude_rad,
+            height_m=place.height_m,
+            velocity_ned_m_s=_vec(velocity),
+            fix_type=3,
+            satellites=12,
+            horizontal_std_m=self.gnss_std_m,
+            vertical_std_m=self.gnss_std_m,
+            speed_std_m_s=self.gnss_speed_std_m_s,
+        )
+
+    def error(self, estimate: Estimate) -> Array:
+        """True minus estimated, in the filter's error states (15,); attitude as a body rotation vector."""
+        t = estimate.time_s
+        w, x, y, z = estimate.ned_from_body
+        conjugate = np.array([w, -x, -y, -z])
+        q = product(conjugate, self.path.quaternion(t))
+        attitude = 2.0 * math.copysign(1.0, q[0]) * q[1:]
+        return np.concatenate(
+            [
+                self.path.position(t) - np.array(estimate.position_ned_m),
+                self.path.velocity(t) - np.array(estimate.velocity_ned_m_s),
+                attitude,
+                self.gyro_bias - np.array(estimate.gyro_bias_rad_s),
+                self.accel_bias - np.array(estimate.accel_bias_m_s2),
+            ]
+        )
+
+    def nees(self, estimate: Estimate) -> float:
+        """Normalised estimation error squared, 15 degrees of freedom."""
+        e = self.error(estimate)
+        return float(e @ np.linalg.solve(estimate.covariance, e))
+
+
+def product(a: Array, b: Array) -> Array:
+    """Hamilton product, written out with vectors."""
+    scalar = a[0] * b[0] - a[1:] @ b[1:]
+    vector = a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:])
+    return np.concatenate([[scalar], vector])
+
+
+def _vec(values: Array) -> Vec3:
+    x, y, z = values.tolist()
+    return (x, y, z)
