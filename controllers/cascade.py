@@ -3,8 +3,9 @@
 Reference feed-forward in I-P form. The law acts on the state relative to an anchor s that the reference's own
 velocity carries along, s' = v_ref. A jump of the reference leaves s where it is, so it acts through the integral alone
 and gives no proportional kick, as the I-P form wants; a moving reference moves s, the states see x - x_ref, and the
-error dynamics no longer see the motion: no lag. Without feed-forward s rests, and the law is the published one on
-absolute states (a constant s only shifts z).
+error dynamics no longer see the motion: no lag. In the attitude loop the anchor of roll and pitch is the tilt that
+the reference's acceleration and drag need, and their rates come from its jerk. Without feed-forward s rests, and the
+law is the published one on absolute states (a constant s only shifts z).
 
 The horizontal integral is kept as an acceleration in NED, so that it still holds the wind off after a turn. Vectors
 are turned by heading less model heading, the frame (4.9) and (4.22) are written in. Yaw is unwrapped from step to step.
@@ -83,6 +84,7 @@ class _Inputs:
     position_reference: Array
     velocity_ff: Array
     acceleration_ff: Array
+    jerk_ff: Array
     yaw_rate_ff: float
     yaw_error_rad: float
 
@@ -99,6 +101,7 @@ def _inputs(law: CascadeLaw, estimate: Estimate, reference: Reference, unwrapped
         position_reference=np.array(reference.position_ned_m),
         velocity_ff=np.array(moving.velocity_ned_m_s),
         acceleration_ff=np.array(moving.acceleration_ned_m_s2),
+        jerk_ff=np.array(moving.jerk_ned_m_s3),
         yaw_rate_ff=moving.yaw_rate_rad_s,
         yaw_error_rad=wrap_angle(reference.yaw_rad - yaw_rad),
     )
@@ -131,26 +134,33 @@ def _force_direct(law: CascadeLaw, x: _Inputs, anchor_ned_m: Array) -> float:
     )
 
 
-def _torque_direct(law: CascadeLaw, x: _Inputs, anchor_yaw_rad: float, tilt_rad: Array) -> Array:
+def _moving_attitude(law: CascadeLaw, x: _Inputs, outer_active: bool) -> tuple[Array, Array]:
+    """Roll and pitch (2,) that the reference's motion needs, and the body rates (3,) of that and of its yaw."""
+    rates = np.array([0.0, 0.0, x.yaw_rate_ff])
+    if not (law.feed_forward and outer_active):
+        return np.zeros(2), rates
+    drag = law.vehicle.linear_drag_1_s
+    tilt = tilt_of(x.yaw_rad, x.acceleration_ff + drag * x.velocity_ff)
+    tilt_rate = tilt_of(x.yaw_rad, x.jerk_ff + drag * x.acceleration_ff)
+    rates[0] = tilt_rate[0] + x.yaw_rate_ff * tilt[1]
+    rates[1] = tilt_rate[1] - x.yaw_rate_ff * tilt[0]
+    return tilt, rates
+
+
+def _torque_direct(law: CascadeLaw, x: _Inputs, anchor_yaw_rad: float, tilt_rad: Array, outer_active: bool) -> Array:
     """Torque (3,) without the integral."""
     vehicle = law.vehicle
-    velocity = turned(x.yaw_rad - vehicle.model_yaw_rad, x.velocity - x.velocity_ff)
-    yaw_offset = x.yaw_rad - anchor_yaw_rad
-    state = np.array(
-        [
-            x.euler[0],
-            x.euler[1],
-            yaw_offset,
-            x.rates[0],
-            x.rates[1],
-            x.rates[2] - x.yaw_rate_ff,
-            velocity[0],
-            velocity[1],
-        ]
-    )
-    reference = np.array([tilt_rad[0], tilt_rad[1], yaw_offset + x.yaw_error_rad])
+    anchor, rates_ff = _moving_attitude(law, x, outer_active)
+    state = np.empty(8)
+    state[0:2] = x.euler[0:2] - anchor
+    state[2] = x.yaw_rad - anchor_yaw_rad
+    state[3:6] = x.rates - rates_ff
+    state[6:8] = turned(x.yaw_rad - vehicle.model_yaw_rad, x.velocity - x.velocity_ff)
+    reference = np.empty(3)
+    reference[0:2] = tilt_rad - anchor
+    reference[2] = state[2] + x.yaw_error_rad
     torque_ff = feed_forward_torque(
-        x.yaw_rad, x.velocity_ff, x.yaw_rate_ff, vehicle.inertia_kg_m2, vehicle.aerodynamic_moments
+        x.yaw_rad, x.velocity_ff, rates_ff, vehicle.inertia_kg_m2, vehicle.aerodynamic_moments
     )
     return attitude_direct(state, reference, torque_ff, law.gains.attitude_k, law.gains.attitude_kr)
 
@@ -182,7 +192,7 @@ def seed(
         time_s=estimate.time_s,
         horizontal_integral_ned_m_s2=acceleration_of(x.yaw_rad, tilt - _tilt_direct(law, x, x.position_reference)),
         height_integral_n=last.thrust_n * _tilt_cosine(law, x) - _force_direct(law, x, x.position_reference),
-        attitude_integral_n_m=np.array(last.torque_n_m) - _torque_direct(law, x, anchor_yaw_rad, tilt),
+        attitude_integral_n_m=np.array(last.torque_n_m) - _torque_direct(law, x, anchor_yaw_rad, tilt, outer_active),
         horizontal_integral_rate=np.zeros(2),
         height_integral_rate=0.0,
         attitude_integral_rate=np.zeros(3),
@@ -232,7 +242,7 @@ def step(
     force_n = _force_direct(law, x, anchor) + height_integral
     wanted = np.empty(4)
     wanted[0] = force_n / _tilt_cosine(law, x)
-    wanted[1:] = _torque_direct(law, x, anchor_yaw_rad, tilt) + attitude_integral
+    wanted[1:] = _torque_direct(law, x, anchor_yaw_rad, tilt, tilt_reference_rad is None) + attitude_integral
     given = np.empty(4)
     cut = achievable(wanted, law.vehicle.mixer, given)
 

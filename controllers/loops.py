@@ -73,15 +73,16 @@ def attitude_direct(state: Array, reference: Array, torque_ff_n_m: Array, k: Arr
     return result
 
 
-@kernel("f8[::1](f8, f8[::1], f8, f8[::1], f8[:,::1])")
+@kernel("f8[::1](f8, f8[::1], f8[::1], f8[::1], f8[:,::1])")
 def feed_forward_torque(
-    yaw_rad: float, velocity_ned_m_s: Array, yaw_rate_rad_s: float, inertia: Array, moments: Array
+    yaw_rad: float, velocity_ned_m_s: Array, rates_rad_s: Array, inertia: Array, moments: Array
 ) -> Array:
-    """Torque (3,) that balances the aerodynamic moments of (4.9) at the reference's velocity and yaw rate."""
+    """Torque (3,) that balances the aerodynamic moments of (4.9) at the reference's velocity and body rates."""
     forward_side = turned(yaw_rad, velocity_ned_m_s)
     result = np.empty(3)
     for i in range(3):
-        moment = moments[i, 0] * forward_side[0] + moments[i, 1] * forward_side[1]
-        moment += moments[i, 2] * velocity_ned_m_s[2] + moments[i, 5] * yaw_rate_rad_s
+        moment = moments[i, 0] * forward_side[0] + moments[i, 1] * forward_side[1] + moments[i, 2] * velocity_ned_m_s[2]
+        for j in range(3):
+            moment += moments[i, 3 + j] * rates_rad_s[j]
         result[i] = -inertia[i] * moment
     return result

@@ -44,6 +44,7 @@ from models.samples import BarometerSample, GnssSample, MagnetometerSample, Pose
 
 ZERO = np.zeros(3)
 FIX_3D = 3
+HOLD = 0.1
 REST_INTERVAL_S = 0.2
 REST_STD_M_S = 0.3
 REST_ACCEL_M_S2 = 0.5
@@ -86,11 +87,16 @@ def fuse(state: EkfState, source: str, time_s: float, arrival_s: float, rows: in
 
 
 def source_alive(state: EkfState, source: str, params: EkfParameters) -> bool:
-    """Whether a source was accepted within its silence limit, max(.1 s, 3 x its measured interval)."""
+    """Whether a source was heard, and accepted, within its silence limit, max(.1 s, 3 x its measured interval).
+
+    What has been heard waits for the horizon before it can be accepted, so acceptance is given that much longer.
+    """
     health = state.health.get(source)
     if health is None:
         return False
-    return state.newest_arrival_s - health.accepted_arrival_s <= health.silence_limit_s(params)
+    limit_s, waiting_s = health.silence_limit_s(params), state.newest_s - state.time_s
+    heard = state.newest_arrival_s - health.heard_arrival_s <= limit_s
+    return heard and state.newest_arrival_s - health.accepted_arrival_s <= limit_s + waiting_s
 
 
 def stuck(state: EkfState, source: str, time_s: float, params: EkfParameters) -> bool:
@@ -169,7 +175,7 @@ def _open_biases(state: EkfState, outcome: Innovation, rows: int, params: EkfPar
     interval_s = 0.01 if math.isnan(health.interval_s) else health.interval_s
     weight = min(1.0, interval_s / params.inflation_window_s)
     state.nis_mean += weight * (min(outcome.nis / rows, 50.0) - state.nis_mean)
-    if state.nis_mean > params.inflation_nis_ratio and outcome.time_s - state.inflated_s > params.inflation_window_s:
+    if state.nis_mean > params.inflation_nis_ratio and outcome.time_s - state.inflated_s > HOLD:
         for k in range(3):
             state.covariance[ERROR_GYRO_BIAS + k, ERROR_GYRO_BIAS + k] += params.inflation_gyro_std_rad_s**2
             state.covariance[ERROR_ACCEL_BIAS + k, ERROR_ACCEL_BIAS + k] += params.inflation_accel_std_m_s2**2

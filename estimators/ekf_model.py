@@ -151,14 +151,24 @@ def propagate_covariance(nominal: Array, covariance: Array, imu: Array, dt_s: fl
         covariance[i, i] += density[i] * dt_s
 
 
-@kernel("void(f8[::1], f8[:,::1], f8[::1], f8[::1], f8, f8[::1])")
+@kernel("void(f8[::1], f8[:,::1], f8[::1], f8[::1], f8, f8, f8[::1])")
 def predict(
-    nominal: Array, covariance: Array, imu_before: Array, imu_after: Array, dt_s: float, density: Array
+    nominal: Array,
+    covariance: Array,
+    imu_before: Array,
+    imu_after: Array,
+    share_before: float,
+    dt_s: float,
+    density: Array,
 ) -> None:
-    """Advance state and covariance in place from one IMU sample to a later time, under the mean of both readings."""
+    """Advance state and covariance in place by ``dt_s`` between two IMU samples.
+
+    ``share_before`` weighs the earlier sample: 0 if a sample is the mean over the interval up to its stamp, .5 if it is
+    a reading of that moment (trapezoid).
+    """
     imu = np.empty(6)
     for k in range(6):
-        imu[k] = 0.5 * (imu_before[k] + imu_after[k])
+        imu[k] = share_before * imu_before[k] + (1.0 - share_before) * imu_after[k]
     propagate_covariance(nominal, covariance, imu, dt_s, density)
     propagate_nominal(nominal, imu, dt_s)
 
@@ -192,12 +202,14 @@ def inject(nominal: Array, covariance: Array, correction: Array) -> None:
         covariance[j, 8] = c + y * a - x * b
 
 
-@kernel("void(f8[::1], f8[:,::1], i8, i8, f8, f8[::1])")
-def predict_output(nominal: Array, imu_ring: Array, first: int, count: int, time_s: float, output: Array) -> None:
+@kernel("void(f8[::1], f8[:,::1], i8, i8, f8, f8, f8[::1])")
+def predict_output(
+    nominal: Array, imu_ring: Array, first: int, count: int, share_before: float, time_s: float, output: Array
+) -> None:
     """Carry the nominal state from the fusion horizon to the newest IMU sample, into ``output`` (24,).
 
     ``imu_ring`` (m, 7) holds time, gyro, accelerometer; sample ``first`` is the last one at or before ``time_s`` and
-    ``count`` newer ones follow it.
+    ``count`` newer ones follow it; ``share_before`` as in :func:`predict`.
     """
     size = imu_ring.shape[0]
     imu = np.empty(6)
@@ -207,7 +219,7 @@ def predict_output(nominal: Array, imu_ring: Array, first: int, count: int, time
     for step in range(1, count + 1):
         after = (first + step) % size
         for k in range(6):
-            imu[k] = 0.5 * (imu_ring[before, 1 + k] + imu_ring[after, 1 + k])
+            imu[k] = share_before * imu_ring[before, 1 + k] + (1.0 - share_before) * imu_ring[after, 1 + k]
         propagate_nominal(output, imu, imu_ring[after, 0] - now_s)
         now_s = imu_ring[after, 0]
         before = after

@@ -15,6 +15,13 @@ class PoseAttitude(StrEnum):
     FULL = "full"
 
 
+class ImuSampling(StrEnum):
+    """What one IMU sample is: the mean over the interval up to its stamp (PX4), or a reading then (ArduPilot)."""
+
+    MEAN = "mean"
+    INSTANT = "instant"
+
+
 @dataclass(frozen=True, slots=True)
 class EkfParameters:
     """Tuning of :mod:`estimators.full_state_ekf`. Defaults are the sensors of the reference quadrotor.
@@ -29,6 +36,7 @@ class EkfParameters:
     accel_noise: float = 1e-2
     gyro_bias_walk: float = 2e-4
     accel_bias_walk: float = 2e-3
+    imu_sampling: ImuSampling = ImuSampling.MEAN
 
     # Start: biases of an uncalibrated small IMU; tilt from the accelerometer, so about its bias over g.
     initial_tilt_std_rad: float = 0.03

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from estimators.ekf_model import ERROR_SIZE, NOMINAL_SIZE
-from estimators.ekf_parameters import EkfParameters
+from estimators.ekf_parameters import EkfParameters, ImuSampling
 from estimators.kalman import MAX_ROWS, gate_thresholds
 from models.estimate import Estimate, Innovation
 from models.frames import Array, Geodetic, Vec3
@@ -49,6 +49,7 @@ class SourceHealth:
 
     stamp_s: float = NEVER_S
     interval_s: float = math.nan
+    heard_arrival_s: float = NEVER_S
     accepted_arrival_s: float = NEVER_S
     rejected_since_s: float = math.nan
     fused_s: float = NEVER_S
@@ -76,6 +77,8 @@ class EkfState:
     nominal: Array
     covariance: Array
     density: Array
+    share_before: float
+    """Weight of the earlier of two IMU samples in the interval between them."""
     thresholds: Array
     imu_ring: Array
     innovation: Array = field(default_factory=lambda: np.zeros(MAX_ROWS))
@@ -154,6 +157,7 @@ def initial(params: EkfParameters) -> EkfState:
         nominal=nominal,
         covariance=np.zeros((ERROR_SIZE, ERROR_SIZE)),
         density=density,
+        share_before=0.5 if params.imu_sampling is ImuSampling.INSTANT else 0.0,
         thresholds=gate_thresholds(params.gate_false_alarm),
         imu_ring=np.zeros((IMU_RING_SIZE, 7)),
         horizon_s=params.horizon_s,

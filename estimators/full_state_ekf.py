@@ -144,6 +144,9 @@ def _enqueue(state: EkfState, sample: Aiding, params: EkfParameters) -> None:
     if len(state.queue) >= QUEUE_SIZE:
         del state.queue[0]
         state.dropped += 1
+    if isinstance(sample, PoseSample | GnssSample):
+        source = "pose" if isinstance(sample, PoseSample) else "gnss_position"
+        state.source(source).heard_arrival_s = sample.arrival_s
     state.queued += 1
     bisect.insort(state.queue, (true_s, state.queued, sample))
 
@@ -207,7 +210,7 @@ def _advance(state: EkfState, params: EkfParameters) -> None:
         before = state.imu_row(state.imu_fused)[1:]
         while state.queue and state.queue[0][0] <= until_s - SAME_TIME_S:
             _fuse_first(state, before, after[1:], params)
-        predict(state.nominal, state.covariance, before, after[1:], until_s - state.time_s, state.density)
+        _predict(state, before, after[1:], until_s - state.time_s)
         state.time_s = until_s
         state.imu_fused += 1
         while state.queue and state.queue[0][0] <= until_s:
@@ -218,13 +221,17 @@ def _advance(state: EkfState, params: EkfParameters) -> None:
             fuse_rest(state, after[1:])
 
 
+def _predict(state: EkfState, before: Array, after: Array, dt_s: float) -> None:
+    predict(state.nominal, state.covariance, before, after, state.share_before, dt_s, state.density)
+
+
 def _fuse_first(state: EkfState, before: Array, after: Array, params: EkfParameters) -> None:
     """Fuse the first queued measurement: go to its time, or, if that has passed, carry the state back to compare."""
     true_s, _, sample = state.queue.pop(0)
     ahead_s = true_s - state.time_s
     nominal = state.nominal
     if ahead_s > SAME_TIME_S:
-        predict(state.nominal, state.covariance, before, after, ahead_s, state.density)
+        _predict(state, before, after, ahead_s)
         state.time_s = true_s
     elif ahead_s < -params.late_tolerance_s:
         state.dropped += 1
@@ -252,9 +259,8 @@ def _estimate(state: EkfState, params: EkfParameters) -> Estimate:
     newest = state.imu_row(state.imu_count - 1)
     ahead_s = float(newest[0]) - state.time_s
     nominal = state.predicted
-    predict_output(
-        state.nominal, state.imu_ring, state.imu_fused, state.imu_count - 1 - state.imu_fused, state.time_s, nominal
-    )
+    count = state.imu_count - 1 - state.imu_fused
+    predict_output(state.nominal, state.imu_ring, state.imu_fused, count, state.share_before, state.time_s, nominal)
     covariance = state.covariance
     if ahead_s > 0.0:
         covariance = covariance.copy()

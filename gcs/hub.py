@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import os
 import selectors
 import signal
 import socket
@@ -105,7 +104,7 @@ class Past:
     def __init__(self) -> None:
         self._frames: deque[tuple[float, bytes]] = deque(maxlen=BACKLOG_FRAMES)
         self._events: deque[Event] = deque(maxlen=BACKLOG_EVENTS)
-        self._status: Status | None = None
+        self.status: Status | None = None
         self._lock = threading.Lock()
         self._kept = False
 
@@ -124,13 +123,10 @@ class Past:
         with self._lock:
             self._events.append(event)
 
-    def set_status(self, status: Status) -> None:
-        self._status = status
-
     def backlog(self, recording: RecordingStatus) -> Backlog:
         with self._lock:
             frames = b"".join(signals for _, signals in self._frames)
-            return Backlog(frames, tuple(self._events), self._status, recording)
+            return Backlog(frames, tuple(self._events), self.status, recording)
 
 
 class Hub:
@@ -139,7 +135,9 @@ class Hub:
     def __init__(self, runtime: Runtime, options: RecorderOptions | None) -> None:
         self._runtime = runtime
         self._socket = _bind_flight_socket(runtime.flight_socket)
-        self._waker, self._wake_end = os.pipe2(os.O_NONBLOCK | os.O_CLOEXEC)
+        self._waker, self._wake_end = socket.socketpair()
+        self._waker.setblocking(False)
+        self._wake_end.setblocking(False)
         self._jobs: deque[Callable[[], None]] = deque()
         self._stopping = False
         self._past = Past()
@@ -169,7 +167,7 @@ class Hub:
             while not self._stopping:
                 ready = {key.fileobj for key, _ in selector.select(SIGNAL_PERIOD_S)}
                 if self._waker in ready:
-                    os.read(self._waker, 4096)
+                    self._waker.recv(4096)
                 if self._socket in ready:
                     self._receive()
                 while self._jobs:
@@ -179,7 +177,7 @@ class Hub:
 
     def _wake(self) -> None:
         with contextlib.suppress(BlockingIOError):
-            os.write(self._wake_end, b"x")
+            self._wake_end.send(b"x")
 
     def _later(self, job: Callable[[], None]) -> None:
         """Run ``job`` on the hub's own thread."""
@@ -207,8 +205,7 @@ class Hub:
             case TickFrame():
                 self._tick(message)
             case Status():
-                self._past.set_status(message)
-                self._status_due_s = 0.0
+                self._past.status = message
                 self._publish_status(message, self._heard_s)
             case FlightStart():
                 pass
@@ -242,9 +239,8 @@ class Hub:
         self._desk.expire(now_s)
         if self._newest is not None and now_s >= self._signals_due_s:
             self._publish_signals()
-        status = self._past.backlog(RecordingStatus("off")).status if now_s >= self._status_due_s else None
-        if status is not None:
-            self._publish_status(status, now_s)
+        if self._past.status is not None and now_s >= self._status_due_s:
+            self._publish_status(self._past.status, now_s)
         if now_s >= self._recording_due_s:
             self._recording_due_s = now_s + RECORDING_PERIOD_S
             self._bus.publish_recording(self._recording_status())
@@ -299,7 +295,8 @@ class Hub:
             self._recorder.close()
         self._bus.close()
         self._desk.close()
-        self._socket.close()
+        for end in (self._socket, self._waker, self._wake_end):
+            end.close()
         self._runtime.flight_socket.unlink(missing_ok=True)
 
 

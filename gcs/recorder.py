@@ -1,4 +1,4 @@
-"""The recorder's thread: takes frames from the hub without ever holding it up, and writes them with :mod:`gcs.recording`.
+"""The recorder's thread: takes frames from the hub, never holds it up, and writes them with :mod:`gcs.recording`.
 
 The queue is bounded. Half full, the MCAP export is thinned; full, ticks are missing from the recording and counted. A
 write that fails ends the recording with an event; the next run tries again.
@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from gcs.recording import LEAST_FREE_BYTES, RunRecorder, open_run, remove_oldest
@@ -81,7 +82,7 @@ class Recorder:
                 if item is None:
                     self._end()
                     return
-                self._guarded(lambda item=item: self._take(item))  # type: ignore[misc]
+                self._guarded(partial(self._take, item))
             if time.monotonic() >= flush_due_s:
                 flush_due_s = time.monotonic() + FLUSH_PERIOD_S
                 self._guarded(self._flush)

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from estimators.ekf_model import GNSS_DELAY, MAGNETIC_BIAS
+from estimators.ekf_parameters import ImuSampling
 from estimators.full_state_ekf import EkfOutput, EkfParameters, Reset, initial, step
 from gcs.mavlink.codec import Decoder, Frame, decode
 from gcs.mavlink.dialect import message_name
@@ -69,7 +70,7 @@ def recorded_parameters(autopilot: int) -> EkfParameters:
         barometer_std_m=1.0,
     )
     if autopilot == AUTOPILOT_ARDUPILOT:
-        params = replace(params, magnetometer_delay_s=0.05)
+        params = replace(params, magnetometer_delay_s=0.05, imu_sampling=ImuSampling.INSTANT)
     return params
 
 
@@ -226,7 +227,7 @@ def replay_log(
 class _Player:
     """One pass over a log: frames in, estimates into the recording.
 
-    The vehicle's clock is that of its stamps; a packet arrived at its UTC stamp less the smallest lag of the two so far.
+    The vehicle's clock is that of its stamps; a packet arrived at its UTC stamp less the smallest lag of both so far.
     """
 
     def __init__(self, vehicle: tuple[int, int], params: EkfParameters) -> None:

@@ -53,5 +53,6 @@ class Reference:
     position_ned_m: Vec3
     velocity_ned_m_s: Vec3 = (0.0, 0.0, 0.0)
     acceleration_ned_m_s2: Vec3 = (0.0, 0.0, 0.0)
+    jerk_ned_m_s3: Vec3 = (0.0, 0.0, 0.0)
     yaw_rad: float = 0.0
     yaw_rate_rad_s: float = 0.0

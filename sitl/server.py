@@ -13,6 +13,7 @@ import struct
 import sys
 import time
 from collections.abc import Sequence
+from typing import NoReturn
 from urllib.parse import urlsplit
 
 from sitl.mavlink_face import Packet
@@ -23,6 +24,7 @@ _REPLY = struct.Struct("<QI")
 _LONGEST_GRANT_US = 600_000_000
 _CHUNK_US = 20_000
 _MAX_LAG_S = 0.25
+_SPIN_S = 5e-4
 _LARGEST_DATAGRAM = 65535
 _BUFFER_BYTES = 1 << 20
 
@@ -69,7 +71,7 @@ class UdpLink:
 
     def receive(self) -> list[bytes]:
         """All datagrams that have arrived."""
-        datagrams = []
+        datagrams: list[bytes] = []
         while True:
             try:
                 data, sender = self.socket.recvfrom(_LARGEST_DATAGRAM)
@@ -114,7 +116,7 @@ class Server:
             if packet.link == 0:
                 self._sent_on_first += 1
 
-    def run_at_speed(self, speed: float) -> None:
+    def run_at_speed(self, speed: float) -> NoReturn:
         """Real time times ``speed``, for ever. A machine too slow for it slips, and says so once.
 
         The vehicle sleeps in select until its next event or a datagram, on a monotonic clock that never drifts.
@@ -136,29 +138,29 @@ class Server:
             due_s = start_s + simulation.next_due_us * 1e-6 / speed
             select.select(sockets, [], [], max(0.0, due_s - time.monotonic()))
 
-    def run_lockstep(self, listener: socket.socket) -> None:
+    def run_lockstep(self, listener: socket.socket) -> NoReturn:
         """Advance only as the driver on the step socket grants, for ever. A second driver is turned away."""
         driver: socket.socket | None = None
         pending = b""
         sockets = [link.socket for link in self._links]
         while True:
-            waiting = [*sockets, listener, *([driver] if driver is not None else [])]
-            ready, _, _ = select.select(waiting, [], [])
-            if listener in ready:
-                newcomer, _ = listener.accept()
-                if driver is None:
-                    newcomer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                    driver, pending = newcomer, b""
-                else:
-                    newcomer.close()
-            self._take_in()
-            if driver is None or driver not in ready:
+            received = self._receive_soon(driver) if driver is not None else None
+            if received is None:
+                ready, _, _ = select.select([*sockets, listener, *([driver] if driver is not None else [])], [], [])
+                if listener in ready:
+                    newcomer, _ = listener.accept()
+                    if driver is None:
+                        newcomer.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                        driver, pending = newcomer, b""
+                    else:
+                        newcomer.close()
+                self._take_in()
                 continue
+            assert driver is not None
+            pending += received
             try:
-                received = driver.recv(4096)
-                pending += received
-                while received and len(pending) >= _GRANT.size:
-                    (until_us,) = _GRANT.unpack(pending[: _GRANT.size])
+                while len(pending) >= _GRANT.size:
+                    (until_us,) = _GRANT.unpack_from(pending)
                     pending = pending[_GRANT.size :]
                     driver.sendall(self._grant(until_us))
             except ConnectionError:
@@ -166,6 +168,22 @@ class Server:
             if not received:
                 driver.close()
                 driver = None
+
+    @staticmethod
+    def _receive_soon(driver: socket.socket) -> bytes | None:
+        """Bytes of the driver (empty: it has gone), or None if none come within a moment.
+
+        A driver answers within a few hundred microseconds; sleeping and being woken would cost as much as its work.
+        """
+        give_up_s = time.monotonic() + _SPIN_S
+        while True:
+            try:
+                return driver.recv(4096, socket.MSG_DONTWAIT)
+            except BlockingIOError:
+                if time.monotonic() > give_up_s:
+                    return None
+            except ConnectionError:
+                return b""
 
     def _grant(self, until_us: int) -> bytes:
         """One step; an absurdly long grant is cut to ten minutes, as the time in the reply shows."""

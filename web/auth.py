@@ -193,6 +193,11 @@ class Users:
                 raise UsersError(f"{path}: users.{name}.password_argon2 is not an argon2 hash") from error
         return cls(users)
 
+    @property
+    def any(self) -> bool:
+        """Whether anyone can log in with a password at all."""
+        return bool(self._users)
+
     def check(self, name: str, password: str) -> Role | None:
         """The role of a user whose password is right. Takes some 50 ms on purpose: run it in a thread."""
         user = self._users.get(name, self._nobody)

@@ -34,10 +34,6 @@ _PASSWORD_FORM = (
 )
 
 
-def _page(message: str, forms: str = _PASSWORD_FORM, status: int = 200) -> HTMLResponse:
-    return HTMLResponse(_PAGE.substitute(message=html.escape(message), forms=forms), status_code=status)
-
-
 def _is_local(request: Request) -> bool:
     """Whether the request comes from this computer: from loopback, or from the very address it was sent to."""
     if request.client is None:
@@ -61,11 +57,18 @@ class Login:
         self.router.add_api_route("/login", self.enter, methods=["POST"])
         self.router.add_api_route("/login/{asset}", self.asset, methods=["GET"])
 
+    def _page(self, message: str, forms: str | None = None, status: int = 200) -> HTMLResponse:
+        """The page with a message; without other forms it has the password form, if anybody has a password."""
+        if forms is None:
+            forms = _PASSWORD_FORM if self._users.any else ""
+        return HTMLResponse(_PAGE.substitute(message=html.escape(message), forms=forms), status_code=status)
+
     async def show(self, token: str = "") -> Response:
         """The page. Reading it uses nothing up, so a link that is prefetched stays good."""
         if token:
-            return _page("One-time link.", _ONE_TIME_FORM.format(token=html.escape(token, quote=True)))
-        return _page(f"Log in with your name and password, or by a one-time link. {LINK_HELP}")
+            return self._page("One-time link.", _ONE_TIME_FORM.format(token=html.escape(token, quote=True)))
+        password = "with your name and password, or " if self._users.any else ""
+        return self._page(f"Log in {password}by a one-time link. {LINK_HELP}")
 
     async def asset(self, asset: str) -> Response:
         if asset not in _ASSETS:
@@ -77,27 +80,27 @@ class Login:
         address = request.client.host if request.client else ""
         wait_s = self._limiter.wait_s(address)
         if wait_s > 0.0:
-            refused = _page(f"Too many failed attempts. Try again in {math.ceil(wait_s)} s.", status=429)
+            refused = self._page(f"Too many failed attempts. Try again in {math.ceil(wait_s)} s.", status=429)
             refused.headers["retry-after"] = str(math.ceil(wait_s))
             return refused
         try:
             fields = parse_qs((await request.body()).decode("utf-8", "replace"), max_num_fields=4)
         except ValueError:
-            return _page("The form could not be read.", status=400)
+            return self._page("The form could not be read.", status=400)
         token = fields.get("token", [""])[0]
         if token:
             if not _is_local(request):
-                return _page(_ONLY_HERE, status=403)
+                return self._page(_ONLY_HERE, status=403)
             if self._link.consume(token):
                 return self._admit(request, *self._sessions.open_by_link())
             self._limiter.failed(address)
-            return _page(f"This link has been used or is out of date. {LINK_HELP}", status=403)
+            return self._page(f"This link has been used or is out of date. {LINK_HELP}", status=403)
         name, password = fields.get("name", [""])[0], fields.get("password", [""])[0]
         # Counted before the check: attempts made in parallel must not all pass the limit while the hash is computed.
         self._limiter.failed(address)
         role = await to_thread.run_sync(self._users.check, name, password)
         if role is None:
-            return _page("Name or password is wrong.", status=403)
+            return self._page("Name or password is wrong.", status=403)
         self._limiter.succeeded(address)
         return self._admit(request, *self._sessions.open(name, role))
 

@@ -1,9 +1,15 @@
-// Runs inside the scene's page. Keys pressed while the scene has the focus belong to the dashboard, safety keys above all:
+// Runs inside the scene's page. The theme is the dashboard's. Keys pressed while the scene has the focus belong to the dashboard, safety keys above all:
 // they are handed to the parent, and viser's own keys stay off. Letting go of the pointer gives the focus back.
 "use strict";
 (() => {
   if (window.parent === window) return;
   const origin = window.location.origin;
+  const dashboard = window.parent.document.documentElement;
+  const takeTheme = () => {
+    document.documentElement.dataset.theme = dashboard.dataset.theme ?? "dark";
+  };
+  takeTheme();
+  new MutationObserver(takeTheme).observe(dashboard, { attributeFilter: ["data-theme"] });
   const forward = (phase) => (event) => {
     event.stopImmediatePropagation();
     if (["Tab", "F5", "F11", "F12"].includes(event.key)) return;

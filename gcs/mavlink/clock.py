@@ -17,6 +17,7 @@ RATE_WINDOW_S = 1.0
 # Between these the two clocks are both real time and the rate is 1; delays would only add noise to it.
 REAL_TIME_RATES = (0.9, 1.1)
 RATE_LIMITS = (1e-3, 1e4)
+SAME_RATE = 0.05
 
 
 class VehicleClock:
@@ -84,9 +85,11 @@ class VehicleClock:
         if ground_s - ground_begin_s < RATE_WINDOW_S:
             return
         measured = (self._newest_s - stamp_begin_s) / (ground_s - ground_begin_s)
-        now_s = self.time_s(ground_s)
         slowest, fastest = REAL_TIME_RATES
         low, high = RATE_LIMITS
-        self.rate = 1.0 if slowest <= measured <= fastest else min(max(measured, low), high)
-        self._stamp_s, self._ground_s = now_s, ground_s
+        rate = 1.0 if slowest <= measured <= fastest else min(max(measured, low), high)
+        # Time gained at a wrong rate is no delay of messages: begin again from the stamp.
+        same = abs(rate - self.rate) <= SAME_RATE * self.rate
+        self._stamp_s, self._ground_s = (self.time_s(ground_s) if same else self._newest_s), ground_s
+        self.rate = rate
         self._window = (self._newest_s, ground_s)

@@ -92,8 +92,9 @@ def _watch_link(state: OffboardState, inputs: TickInputs, turn: Turn) -> Offboar
 def _estimate(state: OffboardState, inputs: TickInputs, turn: Turn) -> tuple[OffboardState, tuple[Innovation, ...]]:
     ekf, output = full_state_ekf.step(state.ekf, inputs.samples, params=turn.config.ekf)
     estimate = output.estimate if output.estimate is not None else state.estimate
+    had_position = state.estimate is not None and state.estimate.position_valid
     for reset in output.resets:
-        turn.say("caution", f"Estimator reset on {reset}.", "estimator")
+        turn.say("caution" if had_position else "advisory", f"Estimator set by {reset}.", "estimator")
     state = replace(state, ekf=ekf, estimate=estimate)
     if estimate is None:
         return state, output.innovations

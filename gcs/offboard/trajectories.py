@@ -16,8 +16,8 @@ from typing import Literal, NamedTuple, TypeAlias
 
 import msgspec
 
+from models.arrays import Vec3
 from models.estimate import Reference
-from models.frames import Vec3, wrap_angle
 
 ENTRY_SAMPLES = 24
 SHORTEST_ENTRY_S = 0.5
@@ -207,11 +207,12 @@ def evaluate(trajectory: Trajectory, since_start_s: float, start: Reference) -> 
 
 
 class Motion(NamedTuple):
-    """Position, velocity and acceleration of one instant, NED."""
+    """Position, velocity, acceleration and jerk of one instant, NED."""
 
     position_ned_m: Vec3
     velocity_ned_m_s: Vec3
     acceleration_ned_m_s2: Vec3
+    jerk_ned_m_s3: Vec3
 
 
 def quintic(begin: Motion, end: Motion, duration_s: float, t_s: float) -> Motion:
@@ -220,7 +221,7 @@ def quintic(begin: Motion, end: Motion, duration_s: float, t_s: float) -> Motion
     With rest at both ends it is the minimum-jerk path: greatest speed 1.875 d/T, acceleration 5.774 d/T^2.
     """
     s = t_s / duration_s
-    position, velocity, acceleration = [0.0] * 3, [0.0] * 3, [0.0] * 3
+    position, velocity, acceleration, jerk = [0.0] * 3, [0.0] * 3, [0.0] * 3, [0.0] * 3
     for axis in range(3):
         p0, v0 = begin.position_ned_m[axis], begin.velocity_ned_m_s[axis] * duration_s
         a0 = begin.acceleration_ned_m_s2[axis] * duration_s * duration_s
@@ -232,11 +233,13 @@ def quintic(begin: Motion, end: Motion, duration_s: float, t_s: float) -> Motion
         c5 = 6.0 * gap - 3.0 * (v0 + v1) - 0.5 * (a0 - a1)
         position[axis] = p0 + s * (v0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5))))
         velocity[axis] = (v0 + s * (a0 + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5)))) / duration_s
-        acceleration[axis] = (a0 + s * (6.0 * c3 + s * (12.0 * c4 + s * 20.0 * c5))) / (duration_s * duration_s)
+        acceleration[axis] = (a0 + s * (6.0 * c3 + s * (12.0 * c4 + s * 20.0 * c5))) / duration_s**2
+        jerk[axis] = (6.0 * c3 + s * (24.0 * c4 + s * 60.0 * c5)) / duration_s**3
     return Motion(
         (position[0], position[1], position[2]),
         (velocity[0], velocity[1], velocity[2]),
         (acceleration[0], acceleration[1], acceleration[2]),
+        (jerk[0], jerk[1], jerk[2]),
     )
 
 
@@ -268,11 +271,13 @@ def _norm(vector: Vec3) -> float:
 
 
 def _motion(reference: Reference) -> Motion:
-    return Motion(reference.position_ned_m, reference.velocity_ned_m_s, reference.acceleration_ned_m_s2)
+    return Motion(
+        reference.position_ned_m, reference.velocity_ned_m_s, reference.acceleration_ned_m_s2, reference.jerk_ned_m_s3
+    )
 
 
 def _rest(position_ned_m: Vec3) -> Motion:
-    return Motion(position_ned_m, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    return Motion(position_ned_m, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 def _reference(motion: Motion, yaw_rad: float, yaw_rate_rad_s: float = 0.0) -> Reference:
@@ -280,6 +285,7 @@ def _reference(motion: Motion, yaw_rad: float, yaw_rate_rad_s: float = 0.0) -> R
         position_ned_m=motion.position_ned_m,
         velocity_ned_m_s=motion.velocity_ned_m_s,
         acceleration_ned_m_s2=motion.acceleration_ned_m_s2,
+        jerk_ned_m_s3=motion.jerk_ned_m_s3,
         yaw_rad=yaw_rad,
         yaw_rate_rad_s=yaw_rate_rad_s,
     )
@@ -317,7 +323,7 @@ def _evaluate_go_to(trajectory: GoTo, t_s: float, start: Reference) -> Progress:
     begin = _motion(start)
     end = _rest((trajectory.north_m, trajectory.east_m, -trajectory.height_m))
     duration_s = _entry(begin, end, trajectory.speed_m_s, trajectory.acceleration_m_s2)
-    turn_rad = 0.0 if trajectory.yaw_rad is None else wrap_angle(trajectory.yaw_rad - start.yaw_rad)
+    turn_rad = 0.0 if trajectory.yaw_rad is None else math.remainder(trajectory.yaw_rad - start.yaw_rad, math.tau)
     turn_s = 1.875 * abs(turn_rad) / YAW_RATE_RAD_S
     yaw_rad, yaw_rate_rad_s = start.yaw_rad + turn_rad, 0.0
     if t_s < turn_s:
@@ -331,16 +337,16 @@ def _evaluate_go_to(trajectory: GoTo, t_s: float, start: Reference) -> Progress:
 def _on_path(path: Path, t_s: float) -> Motion:
     w, r = path.rate_rad_s, path.radius_m
     sine, cosine = math.sin(w * t_s), math.cos(w * t_s)
-    north, north_1, north_2 = r * sine, r * w * cosine, -r * w * w * sine
     if isinstance(path, Circle):
-        east, east_1, east_2 = r * cosine, -r * w * sine, -r * w * w * cosine
+        east = (r * cosine, -r * w * sine, -r * w * w * cosine, r * w**3 * sine)
     else:
         sine_2, cosine_2 = math.sin(2.0 * w * t_s), math.cos(2.0 * w * t_s)
-        east, east_1, east_2 = 0.5 * r * sine_2, r * w * cosine_2, -2.0 * r * w * w * sine_2
+        east = (0.5 * r * sine_2, r * w * cosine_2, -2.0 * r * w * w * sine_2, -4.0 * r * w**3 * cosine_2)
     return Motion(
-        (path.centre_north_m + north, path.centre_east_m + east, -path.height_m),
-        (north_1, east_1, 0.0),
-        (north_2, east_2, 0.0),
+        (path.centre_north_m + r * sine, path.centre_east_m + east[0], -path.height_m),
+        (r * w * cosine, east[1], 0.0),
+        (-r * w * w * sine, east[2], 0.0),
+        (-r * w**3 * cosine, east[3], 0.0),
     )
 
 

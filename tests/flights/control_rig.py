@@ -81,7 +81,7 @@ def _advance(x, rotor_command, wind, torque, dt, steps, mass, inertia, drag, mom
     return x
 
 
-def rotor_speeds(thrust_n: float, torque_n_m: tuple[float, float, float], p: QuadrotorParameters) -> np.ndarray:
+def rotor_speeds(thrust_n: float, torque_n_m: np.ndarray, p: QuadrotorParameters) -> np.ndarray:
     """Rotor speeds (4,) of the X mixer, yaw shed first, then thrust moved to keep roll and pitch."""
     lever, yaw_lever = p.arm_m / math.sqrt(2.0), p.rotor_torque_coefficient_n_m_s2 / p.rotor_force_coefficient_n_s2
     least, most = p.rotor_force_coefficient_n_s2 * p.rotor_min_speed_rad_s**2, p.rotor_max_force_n
@@ -102,13 +102,14 @@ def rotor_speeds(thrust_n: float, torque_n_m: tuple[float, float, float], p: Qua
 
 @dataclass
 class Rig:
-    """Truth state (16,), wind [m/s], disturbance torque [N m], and a log of every control step."""
+    """Truth state (16,), wind [m/s], disturbance torque [N m], commands late by whole steps, a log of every step."""
 
     wind_ned_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
     disturbance_n_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     position_ned_m: tuple[float, float, float] = (0.0, 0.0, -2.0)
     yaw_rad: float = 0.0
     parameters: QuadrotorParameters = field(default_factory=lambda: PARAMETERS)
+    transport_steps: int = 0
     time_s: float = 0.0
 
     def __post_init__(self) -> None:
@@ -140,9 +141,10 @@ class Rig:
     def apply(self, thrust_n: float, torque_n_m: tuple[float, float, float]) -> None:
         p = self.parameters
         self.commands.append(np.array([thrust_n, *torque_n_m]))
+        acting = self.commands[max(len(self.commands) - 1 - self.transport_steps, 0)]
         self.state = _advance(
             self.state,
-            rotor_speeds(thrust_n, torque_n_m, p),
+            rotor_speeds(acting[0], acting[1:], p),
             np.array(self.wind_ned_m_s),
             np.array(self.disturbance_n_m),
             CONTROL_S / SUBSTEPS,

@@ -33,6 +33,7 @@ references = st.builds(
     position_ned_m=triple(100.0),
     velocity_ned_m_s=triple(3.0),
     acceleration_ned_m_s2=triple(2.0),
+    jerk_ned_m_s3=triple(2.0),
     yaw_rad=st.floats(-3.1, 3.1),
     yaw_rate_rad_s=st.floats(-0.5, 0.5),
 )

@@ -12,7 +12,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from models.estimate import Estimate
-from models.frames import Array, Geodetic, Vec3, geodetic_from_ned, quaternion_from_euler, rotation_from_quaternion
+from models.frames import (
+    Array,
+    Geodetic,
+    Vec3,
+    euler_from_quaternion,
+    geodetic_from_ned,
+    quaternion_from_euler,
+    rotation_from_quaternion,
+)
 from models.samples import (
     AnySample,
     BarometerSample,
@@ -70,6 +78,32 @@ class Path:
         return r.T @ (self.acceleration(t) - np.array([0.0, 0.0, GRAVITY_M_S2]))
 
 
+@dataclass(frozen=True)
+class QuadrotorPath(Path):
+    """As a quadrotor flies it in still air: thrust along body z and linear drag are all that its accelerometer feels.
+
+    The attitude follows from the acceleration; its rates are central differences of it.
+    """
+
+    drag_1_s: float = 0.235
+
+    def quaternion(self, t: float) -> Array:
+        up = -(self.acceleration(t) - np.array([0.0, 0.0, GRAVITY_M_S2]) + self.drag_1_s * self.velocity(t))
+        z = -up / np.linalg.norm(up)
+        yaw = self.amplitude_rad[2] * math.sin(self.angular_frequency_rad_s[2] * t)
+        y = np.cross(z, np.array([math.cos(yaw), math.sin(yaw), 0.0]))
+        y /= np.linalg.norm(y)
+        x = np.cross(y, z)
+        pitch = -math.asin(x[2])
+        return quaternion_from_euler(math.atan2(y[2], z[2]), pitch, math.atan2(x[1], x[0]))
+
+    def rates(self, t: float) -> Array:
+        h = 1e-4
+        before, after = self.quaternion(t - h), self.quaternion(t + h)
+        turn = product(before * np.array([1.0, -1.0, -1.0, -1.0]), after)
+        return math.copysign(1.0, turn[0]) * turn[1:] / h
+
+
 REST = Path(amplitude_m=ZERO, amplitude_rad=ZERO)
 
 
@@ -118,8 +152,11 @@ class Rig:
         normal = self.rng.standard_normal
         self.gyro_bias = self.gyro_bias + self.gyro_walk * math.sqrt(dt) * normal(3)
         self.accel_bias = self.accel_bias + self.accel_walk * math.sqrt(dt) * normal(3)
-        gyro = self.path.rates(t) + self.gyro_bias + self.gyro_noise / math.sqrt(dt) * normal(3)
-        accel = self.path.force(t) + self.accel_bias + self.accel_noise / math.sqrt(dt) * normal(3)
+        begin, middle = t - dt, t - 0.5 * dt
+        rates = (self.path.rates(begin) + 4.0 * self.path.rates(middle) + self.path.rates(t)) / 6.0
+        force = (self.path.force(begin) + 4.0 * self.path.force(middle) + self.path.force(t)) / 6.0
+        gyro = rates + self.gyro_bias + self.gyro_noise / math.sqrt(dt) * normal(3)
+        accel = force + self.accel_bias + self.accel_noise / math.sqrt(dt) * normal(3)
         samples: list[AnySample] = [
             ImuSample(time_s=t, arrival_s=t, gyro_body_rad_s=_vec(gyro), accel_body_m_s2=_vec(accel))
         ]
@@ -139,8 +176,7 @@ class Rig:
 
     def pose(self, t: float) -> PoseSample:
         position = self.path.position(t) + self.pose_std_m * self.rng.standard_normal(3)
-        a, w = np.array(self.path.amplitude_rad), np.array(self.path.angular_frequency_rad_s)
-        roll, pitch, yaw = (a * np.sin(w * t)).tolist()
+        roll, pitch, yaw = euler_from_quaternion(self.path.quaternion(t)).tolist()
         yaw += self.yaw_std_rad * float(self.rng.standard_normal())
         q = quaternion_from_euler(roll, pitch, yaw).tolist()
         return PoseSample(time_s=t, arrival_s=t, position_ned_m=_vec(position), ned_from_body=(q[0], q[1], q[2], q[3]))

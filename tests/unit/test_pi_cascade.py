@@ -64,10 +64,10 @@ def test_loop_kernels_equal_their_twins() -> None:
         np.testing.assert_allclose(
             attitude_direct(state, reference, torque, ka, kra), torque - ka @ state + kra @ reference
         )
-        v, r = rng.standard_normal(3), rng.standard_normal()
+        v, rates = rng.standard_normal(3), rng.standard_normal(3)
         inertia, moments = np.array(PARAMETERS.inertia_kg_m2), PARAMETERS.aerodynamic_moments
-        motion = np.concatenate((rotation(yaw) @ v[:2], [v[2], 0.0, 0.0, r]))
-        np.testing.assert_allclose(feed_forward_torque(yaw, v, r, inertia, moments), -inertia * (moments @ motion))
+        motion = np.concatenate((rotation(yaw) @ v[:2], [v[2]], rates))
+        np.testing.assert_allclose(feed_forward_torque(yaw, v, rates, inertia, moments), -inertia * (moments @ motion))
 
 
 def rotor_forces(thrust_and_torques: np.ndarray) -> np.ndarray:

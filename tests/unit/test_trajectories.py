@@ -62,6 +62,8 @@ def test_velocity_and_acceleration_are_the_derivatives(trajectory: Trajectory, s
         np.testing.assert_allclose(now.velocity_ned_m_s, slope, atol=2e-4)
         bend = (np.array(after.velocity_ned_m_s) - before.velocity_ned_m_s) / (2 * h)
         np.testing.assert_allclose(now.acceleration_ned_m_s2, bend, atol=5e-3)
+        jolt = (np.array(after.acceleration_ned_m_s2) - before.acceleration_ned_m_s2) / (2 * h)
+        np.testing.assert_allclose(now.jerk_ned_m_s3, jolt, atol=5e-2)
         assert now.yaw_rate_rad_s == pytest.approx((after.yaw_rad - before.yaw_rad) / (2 * h), abs=1e-3)
 
 

@@ -58,6 +58,7 @@ export interface Prediction {
   base: string;
   live: DesignReport;
   staged: DesignReport;
+  jump: { torque_n_m: number; thrust_n: number } | null;
 }
 
 export interface GainTables {
@@ -70,6 +71,8 @@ const DEBOUNCE_MS = 20;
 
 export interface DesignState {
   prediction: Prediction | null;
+  // The prediction answers exactly what is staged now.
+  fresh: boolean;
   problem: string;
   tookMs: number;
 }
@@ -84,7 +87,7 @@ export function loadGains(): Promise<GainTables> {
 
 // Live and staged prediction for the changes; asks again when the live set changes.
 export function useDesign(controller: ControllerKind | null, changes: Changes, gainSet: number): DesignState {
-  const [result, setResult] = useState<DesignState>({ prediction: null, problem: "", tookMs: 0 });
+  const [result, setResult] = useState<Omit<DesignState, "fresh"> & { key: string }>({ prediction: null, problem: "", tookMs: 0, key: "" });
   const running = useRef<AbortController | null>(null);
   const key = JSON.stringify([controller, changes, gainSet]);
   useEffect(() => {
@@ -95,9 +98,9 @@ export function useDesign(controller: ControllerKind | null, changes: Changes, g
     const timer = setTimeout(() => {
       const began = performance.now();
       askDesign(controller, changes, abort.signal)
-        .then((prediction) => setResult({ prediction, problem: "", tookMs: performance.now() - began }))
+        .then((prediction) => setResult({ prediction, problem: "", tookMs: performance.now() - began, key }))
         .catch((error: unknown) => {
-          if (error instanceof StationError) setResult((old) => ({ ...old, problem: error.message }));
+          if (error instanceof StationError) setResult((old) => ({ ...old, problem: error.message, key }));
           else if (!(error instanceof DOMException && error.name === "AbortError")) throw error;
         });
     }, DEBOUNCE_MS);
@@ -106,5 +109,5 @@ export function useDesign(controller: ControllerKind | null, changes: Changes, g
       abort.abort();
     };
   }, [key]);
-  return result;
+  return { ...result, fresh: result.key === key };
 }

@@ -20,7 +20,8 @@ function decimalsOf(step: number): number {
 
 function numbers(splits: number[]): string[] {
   const step = splits.length > 1 ? Number(((splits[1] as number) - (splits[0] as number)).toPrecision(3)) : 1;
-  return splits.map((split) => fixed(split, decimalsOf(step)));
+  const texts = splits.map((split) => fixed(split, decimalsOf(step)));
+  return texts.map((text) => (text.includes(".") ? text.replace(/\.?0+$/, "") : text));
 }
 
 // The unit stands on the last tick.

@@ -49,7 +49,7 @@ class Drawing {
 
   constructor(private props: Props, private readonly body: HTMLElement, private readonly head: HTMLElement) {
     this.range = new StepRange(props.range);
-    this.plot = new uPlot(this.options(), [[]], body);
+    this.plot = new uPlot(this.options(), [[], ...props.curves.map(() => [])] as uPlot.AlignedData, body);
     this.show(props);
   }
 
@@ -66,7 +66,9 @@ class Drawing {
       width: Math.max(60, this.body.clientWidth), height: Math.max(40, this.body.clientHeight), legend: { show: false }, padding: [6, 12, 0, 0],
       scales: { x: { time: false, range: () => this.props.x }, y: { range: () => [this.range.low, this.range.high] } },
       axes: axes(this.props.yLabel, "s", () => this.range),
-      series: [{}],
+      series: [{}, ...this.props.curves.map((curve) => ({
+        label: curve.label, stroke: () => colour(curve.token), width: 1.5, points: { show: false }, spanGaps: true, ...(curve.dash ? { dash: [4, 4] } : {}),
+      }))],
       cursor: { x: true, y: false, points: { show: false }, sync: { key: this.props.sync }, drag: { x: false, y: false, setScale: false } },
       hooks: { setCursor: [() => this.write()] },
     };
@@ -74,10 +76,6 @@ class Drawing {
 
   show(props: Props): void {
     this.props = props;
-    while (this.plot.series.length > 1) this.plot.delSeries(this.plot.series.length - 1);
-    for (const curve of props.curves) {
-      this.plot.addSeries({ label: curve.label, stroke: () => colour(curve.token), width: 1.5, points: { show: false }, spanGaps: true, ...(curve.dash ? { dash: [4, 4] } : {}) });
-    }
     const values = props.curves.flatMap((curve) => curve.y.filter((_v, i) => (curve.x[i] as number) <= props.x[1]));
     this.range.reset();
     this.range.fit(Math.min(...values), Math.max(...values));
@@ -111,7 +109,8 @@ export function PlainChart(props: Props): JSX.Element {
       observer.disconnect();
       made.destroy();
     };
-  }, [props.yLabel, props.sync]);
+    // uPlot is made anew when the set of curves changes; new data alone are only drawn.
+  }, [props.yLabel, props.sync, props.curves.map((curve) => curve.label).join()]);
   useEffect(() => drawing.current?.show(props), [props.curves]);
   return (
     <section class="panel chart plain" data-testid={props.testid} aria-label={`${props.title}, ${props.yLabel}`}>

@@ -5,9 +5,10 @@ import { useEffect, useMemo, useRef, useState } from "preact/hooks";
 import { undoGains } from "../actions";
 import { send, StationError } from "../api";
 import { Segments } from "../controls";
-import { type GainTables, loadGains, type Prediction, useDesign } from "../design";
+import { type DesignWarning, type GainTables, loadGains, type Prediction, useDesign } from "../design";
 import { type FlownStep, flownStep } from "../flown_step";
 import { useClock } from "../frame_loop";
+import type { GainRow } from "../protocol";
 import { airborne, holdsControls, say, useStore } from "../store";
 import { type Staged, stagedOf, type Texts } from "../staged";
 import { type Group, GROUPS, LOOP_NAMES, LOOPS, title } from "../tune_groups";
@@ -41,23 +42,29 @@ function useFlown(loop: string, prediction: Prediction | null): FlownStep | null
   return useMemo(() => found, [stamp, loop, now > 0 && step?.size]);
 }
 
+function editedLoops(table: GainRow[], staged: Staged): string[] {
+  return table.filter((row) => row.key in staged.changes).flatMap((row) => LOOPS[row.group as Group] ?? []);
+}
+
 interface Guard {
   blocked: string;
   caution: string;
 }
 
-function guard(staged: Staged, prediction: Prediction | null, problem: string, moved: boolean, hold: boolean): Guard {
+function guard(staged: Staged, prediction: Prediction | null, problem: string, moved: boolean, hold: boolean, loops: string[]): Guard {
   const typed = Object.values(staged.problems)[0];
   if (typed) return { blocked: `Refused: ${typed}.`, caution: "" };
   if (Object.keys(staged.changes).length === 0) return { blocked: "", caution: "" };
   if (problem) return { blocked: `Refused: ${problem}`, caution: "" };
   if (moved) return { blocked: "Live values changed under these edits. Discard, or keep them against the new set.", caution: "" };
   const report = prediction?.staged;
-  if (report && !report.stable) return { blocked: "Refused: staged poles are unstable. Lower the change until all are left of 0.", caution: "" };
-  const first = report?.warnings.find((w) => !prediction?.live.warnings.some((l) => l.loop === w.loop && l.quantity === w.quantity)) ?? report?.warnings[0];
-  if (!first) return { blocked: "", caution: hold ? "In the air: Apply needs a 0.8 s press." : "" };
-  const more = (report?.warnings.length ?? 1) - 1;
-  return { blocked: "", caution: `Staged: ${first.text}${more > 0 ? ` And ${more} more.` : ""}${hold ? " Apply needs a 0.8 s press." : ""}` };
+  if (report && report.stable === false) return { blocked: "Refused: staged poles are unstable. Lower the change until all are left of 0.", caution: "" };
+  // Limits of the loops that are edited, and those that the edit newly breaks elsewhere.
+  const known = (w: DesignWarning): boolean => prediction?.live.warnings.some((l) => l.loop === w.loop && l.quantity === w.quantity) ?? false;
+  const broken = report?.warnings.filter((w) => loops.includes(w.loop) || !known(w)) ?? [];
+  const [first] = broken;
+  if (!first) return { blocked: "", caution: "" };
+  return { blocked: "", caution: `Staged: ${first.text}${broken.length > 1 ? ` And ${broken.length - 1} more.` : ""}${hold ? " Apply needs a 0.8 s press." : ""}` };
 }
 
 function useStaging(gainSet: number): { texts: Texts; set: (key: string, text: string | null) => void; clear: () => void; moved: boolean; keep: () => void } {
@@ -98,7 +105,7 @@ export function TuneView(): JSX.Element {
   const prediction = design.prediction?.controller === kind ? design.prediction : null;
   const loop = group === "position" ? axis : (LOOPS[group][0] ?? "roll");
   const flown = useFlown(loop, prediction);
-  const { blocked, caution } = guard(staged, prediction, design.problem, staging.moved, hold);
+  const { blocked, caution } = guard(staged, prediction, design.problem, staging.moved, hold, editedLoops(own?.table ?? [], staged));
   const report = (which: "live" | "staged"): Prediction["live"] | null => (which === "staged" && count === 0 ? null : (prediction?.[which] ?? null));
   const loopOf = (which: "live" | "staged") => report(which)?.loops.find((l) => l.name === loop);
 
@@ -136,7 +143,7 @@ export function TuneView(): JSX.Element {
           <TuneCheck loop={loop} step={loopOf("live")?.step} flown={flown} />
         </div>
         {staging.moved && count > 0 && <div class="keys moved"><button type="button" class="key" data-testid="tune-keep" onClick={staging.keep}>Keep edits against set {gainSet}</button></div>}
-        <EditFoot count={count} why={why} onWhy={setWhy} mine={mine} hold={hold} blocked={blocked} caution={caution} refused={refused}
+        <EditFoot count={count} why={why} onWhy={setWhy} mine={mine} hold={hold} blocked={blocked} caution={caution} refused={refused} ready={design.fresh && prediction !== null} jump={count > 0 ? (prediction?.jump ?? null) : null}
           gainSet={gainSet} canUndo={canUndo} onApply={apply} onDiscard={discard} onUndo={undo} />
       </section>
       <div class="middle">

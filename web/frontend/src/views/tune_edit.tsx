@@ -4,7 +4,7 @@ import type { JSX } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import { Key, Symbol } from "../controls";
 import type { Prediction } from "../design";
-import { figures, NONE, unitText } from "../format";
+import { figures, fixed, NONE, unitText } from "../format";
 import type { GainRow } from "../protocol";
 import { changeText, parse, type Staged, type Texts } from "../staged";
 import { type Group, MATRIX_GAINS, matrixValue } from "../tune_groups";
@@ -89,6 +89,8 @@ interface FootProps {
   blocked: string;
   caution: string;
   refused: string;
+  ready: boolean;
+  jump: Prediction["jump"];
   gainSet: number;
   canUndo: boolean;
   onApply: () => void;
@@ -102,10 +104,16 @@ function applyText(count: number, hold: boolean): string {
   return hold ? `Hold to apply ${edits}` : `Apply ${edits}`;
 }
 
+function bumpless(jump: Prediction["jump"], count: number): string {
+  if (count === 0) return "Apply is bumpless: integrators are re-seeded at the switch.";
+  if (!jump) return "Bumpless: integrators are re-seeded at the switch. Nothing is commanded now.";
+  return `Bumpless: integrators are re-seeded at the switch, predicted jump ${fixed(jump.torque_n_m * 1000, 1)} mN m, ${fixed(jump.thrust_n, 2)} N.`;
+}
+
 export function EditFoot(props: FootProps): JSX.Element {
   const { count, why, mine, hold, blocked, caution, refused } = props;
   const whyField = useRef<HTMLInputElement>(null);
-  const ready = mine && count > 0 && blocked === "";
+  const ready = mine && count > 0 && blocked === "" && props.ready;
   const apply = (): void => {
     if (why.trim() === "") whyField.current?.focus();
     else props.onApply();
@@ -128,7 +136,7 @@ export function EditFoot(props: FootProps): JSX.Element {
         <span class="gap" />
         <Key testid="tune-undo" disabled={!mine || !props.canUndo} onAct={props.onUndo}>{`Undo set ${props.gainSet}`}</Key>
       </div>
-      <p class="foot-note">{mine ? "Bumpless: integrators are re-seeded at the switch, so torque and thrust do not jump." : "Take controls (C) to apply. Staging and prediction work without them."}</p>
+      <p class="foot-note">{mine ? bumpless(props.jump, count) : "Take controls (C) to apply. Staging and prediction work without them."}</p>
     </div>
   );
 }

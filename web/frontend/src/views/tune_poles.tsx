@@ -20,6 +20,9 @@ interface Size {
 const REAL: [number, number] = [-12, 2];
 const IMAG_STEPS = [4, 10, 20, 40];
 const DAMPINGS = [0.7, 0.5, 0.3];
+// Where along its ray each damping is written, so that they never meet.
+const LABEL_AT = [0.9, 0.86, 0.76] as const;
+const MOVED = 0.02;
 const MARGIN = { left: 34, right: 8, top: 6, bottom: 22 };
 
 function visible(pole: Pole): boolean {
@@ -29,6 +32,11 @@ function visible(pole: Pole): boolean {
 // Upper and lower of a pair: the report holds the upper one.
 function both(pole: Pole): [number, number][] {
   return pole.imag === 0 ? [[pole.real, 0]] : [[pole.real, pole.imag], [pole.real, -pole.imag]];
+}
+
+// A staged pole that stays where a live one is needs no mark of its own.
+function moved(pole: Pole, live: Pole[]): boolean {
+  return !live.some((other) => Math.hypot(other.real - pole.real, other.imag - pole.imag) < MOVED);
 }
 
 function nearest(pole: Pole, among: Pole[]): Pole | null {
@@ -74,13 +82,13 @@ function Grid({ plane }: { plane: Plane }): JSX.Element {
 function Rays({ plane }: { plane: Plane }): JSX.Element {
   return (
     <g class="rays">
-      {DAMPINGS.map((zeta) => {
+      {DAMPINGS.map((zeta, k) => {
         const slope = Math.sqrt(1 - zeta * zeta) / zeta;
         const reach = Math.min(-REAL[0], (plane.imag * 0.98) / slope);
         return (
           <g key={zeta}>
             {[1, -1].map((sign) => <line key={sign} x1={plane.x(0)} y1={plane.y(0)} x2={plane.x(-reach)} y2={plane.y(sign * reach * slope)} class={zeta === 0.3 ? "dashed" : ""} />)}
-            <text x={plane.x(-reach) + (zeta === 0.7 ? 4 : -4)} y={plane.y(reach * slope) + 14} text-anchor={zeta === 0.7 ? "start" : "end"}>ζ {zeta}</text>
+            <text x={plane.x(-reach * (LABEL_AT[k] ?? 1)) - 4} y={plane.y(reach * (LABEL_AT[k] ?? 1) * slope) + 4} text-anchor="end">ζ {zeta}</text>
           </g>
         );
       })}
@@ -117,7 +125,7 @@ export function TunePoles({ live, staged, group }: Props): JSX.Element {
   const shown = (live?.poles ?? []).filter(visible);
   return (
     <section class="panel poles" data-testid="tune-poles">
-      <header class="head"><h2>Closed-loop poles</h2><span class="sub">whole cascade, rad/s</span>
+      <header class="head"><h2>Closed-loop poles</h2><span class="sub" title="Poles of the whole cascade, rotor lag and delay included">rad/s</span>
         <span class="right"><span class="c-text">× live</span>{staged && <span class="c-accent">× staged</span>}</span></header>
       <div class="plane" ref={box}>
         <svg width={size.width} height={size.height} role="img" aria-label={`${live?.poles.length ?? 0} poles, slowest ${fixed(live?.poles[0]?.real, 2)}`}>
@@ -131,7 +139,7 @@ export function TunePoles({ live, staged, group }: Props): JSX.Element {
             });
           })}
           {shown.flatMap((pole) => mark(pole, "live"))}
-          {staged && staged.poles.filter(visible).flatMap((pole) => mark(pole, "staged"))}
+          {staged && staged.poles.filter((pole) => visible(pole) && moved(pole, shown)).flatMap((pole) => mark(pole, "staged"))}
           <text class="note" x={MARGIN.left + 6} y={plane.bottom - 6}>{offScale((staged ?? live)?.poles ?? [])}</text>
         </svg>
       </div>

@@ -46,6 +46,7 @@ function commandCurves({ live, staged }: Props): Curve[] {
 }
 
 const COMMAND_NAMES: Record<string, string> = { "N m": "Torque", N: "Thrust change", rad: "Tilt command" };
+const STEP_SPANS: Record<string, number[]> = { rad: [8, 12, 16, 32, 64, 360], m: [0.8, 1.2, 1.6, 4, 20] };
 const COMMAND_STEPS: Record<string, number[]> = { "N m": [50, 100, 200, 400, 800, 1600, 4000, 20000], N: [1, 2, 4, 8, 20, 80], rad: [4, 8, 16, 32, 64, 360] };
 
 export function TuneSteps(props: Props): JSX.Element {
@@ -55,14 +56,14 @@ export function TuneSteps(props: Props): JSX.Element {
   const step = live?.step;
   const unit = display(step?.unit ?? "rad");
   const command = display(step?.command_unit ?? "N m");
-  const size = (step?.size ?? 0.1) * unit.scale;
+  const size = (step?.size ?? NaN) * unit.scale;
   const name = LOOP_NAMES[loop] ?? loop[0]?.toUpperCase() + loop.slice(1);
   const span: [number, number] = [-BEFORE_S, shownUntil(loop)];
   const commandName = COMMAND_NAMES[step?.command_unit ?? "N m"] ?? "Command";
   return (
     <>
-      <PlainChart key={`step-${loop}`} testid="tune-step" title={`${name} step`} sub={`${size.toFixed(2)} ${unit.unit}`} yLabel={`${name.toLowerCase()}, ${unit.unit}`} decimals={unit.decimals}
-        curves={steps} x={span} sync="tune" range={{ kind: "span", low: 0, steps: [1.6, 2, 4, 8, 16].map((k) => k * size) }} />
+      <PlainChart key={`step-${loop}`} testid="tune-step" title={`${name} step`} sub={step ? `${size.toFixed(2)} ${unit.unit}` : ""} yLabel={`${name.toLowerCase()}, ${unit.unit}`} decimals={unit.decimals}
+        curves={steps} x={span} sync="tune" range={{ kind: "span", low: 0, steps: STEP_SPANS[step?.unit ?? "rad"] ?? [1, 2, 4] }} />
       <PlainChart key={`command-${loop}`} testid="tune-command" title={commandName} sub="from the model" yLabel={`${commandName.split(" ")[0]?.toLowerCase()}, ${command.unit}`} decimals={command.decimals}
         curves={commands} x={span} sync="tune" range={{ kind: "about", steps: COMMAND_STEPS[step?.command_unit ?? "N m"] ?? [1, 10, 100] }} />
     </>
