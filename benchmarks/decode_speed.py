@@ -11,14 +11,15 @@ from __future__ import annotations
 
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from statistics import median
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gcs.mavlink.codec import Decoder, Frame, decode
-from gcs.mavlink.dialect import LAYOUTS
+from gcs.mavlink.codec import Decoder, Frame, checksum, decode
+from gcs.mavlink.dialect import CRC_EXTRA, LAYOUTS
 from gcs.mavlink.tlog import TlogReader
 from gcs.telemetry import Telemetry
 
@@ -29,10 +30,18 @@ EXCERPT = Path(__file__).parents[1] / "tests" / "data" / "arducopter_guided_exce
 
 
 def hot_packets(path: Path) -> list[bytes]:
-    """Packets of messages on the hot path, as they stand in the log."""
+    """Packets of messages on the hot path as they stand in the log, numbered as if nothing had been between them."""
+    packets: list[bytes] = []
+    sequences: Counter[int] = Counter()
     decoder = Decoder()
-    packets = [raw for _, raw in TlogReader(path) if any(frame.message_id in LAYOUTS for frame in decoder.feed(raw))]
-    return packets[:PACKETS]
+    for _, raw in TlogReader(path):
+        for frame in decoder.feed(raw):
+            if frame.message_id in LAYOUTS and frame.version == 2 and len(packets) < PACKETS:
+                covered = raw[1:4] + bytes((sequences[frame.source] & 0xFF,)) + raw[5:-2]
+                crc = checksum(covered + CRC_EXTRA[frame.message_id])
+                packets.append(raw[:1] + covered + crc.to_bytes(2, "little"))
+                sequences[frame.source] += 1
+    return packets
 
 
 def ours(packets: list[bytes]) -> int:

@@ -44,7 +44,6 @@ from models.samples import BarometerSample, GnssSample, MagnetometerSample, Pose
 
 ZERO = np.zeros(3)
 FIX_3D = 3
-HOLD = 0.1
 REST_INTERVAL_S = 0.2
 REST_STD_M_S = 0.3
 REST_ACCEL_M_S2 = 0.5
@@ -175,7 +174,7 @@ def _open_biases(state: EkfState, outcome: Innovation, rows: int, params: EkfPar
     interval_s = 0.01 if math.isnan(health.interval_s) else health.interval_s
     weight = min(1.0, interval_s / params.inflation_window_s)
     state.nis_mean += weight * (min(outcome.nis / rows, 50.0) - state.nis_mean)
-    if state.nis_mean > params.inflation_nis_ratio and outcome.time_s - state.inflated_s > HOLD:
+    if state.nis_mean > params.inflation_nis_ratio and outcome.time_s - state.inflated_s > params.inflation_hold_s:
         for k in range(3):
             state.covariance[ERROR_GYRO_BIAS + k, ERROR_GYRO_BIAS + k] += params.inflation_gyro_std_rad_s**2
             state.covariance[ERROR_ACCEL_BIAS + k, ERROR_ACCEL_BIAS + k] += params.inflation_accel_std_m_s2**2

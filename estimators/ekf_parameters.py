@@ -104,8 +104,9 @@ class EkfParameters:
 
     # A jump of an IMU bias shows as mocap NIS above what noise explains; the bias covariance is then opened.
     bias_inflation: bool = True
-    inflation_window_s: float = 0.1
-    inflation_nis_ratio: float = 2.5
+    inflation_window_s: float = 0.05
+    inflation_hold_s: float = 0.3
+    inflation_nis_ratio: float = 2.7
     inflation_gyro_std_rad_s: float = 0.1
     inflation_accel_std_m_s2: float = 0.4
 

@@ -206,7 +206,10 @@ def main() -> int:
     try:
         with open_client(open_runtime(arguments.runtime).zenoh_socket, HUB_TIMEOUT_S) as bus:
             asyncio.run(serve(bus, arguments.port))
-    except (RuntimeFolderError, MavsdkConnectionError) as error:
+    except RuntimeFolderError as error:
+        print(f"actions: {error}", file=sys.stderr)
+        return 2
+    except MavsdkConnectionError as error:
         print(f"actions: port {arguments.port}: {error}", file=sys.stderr)
         return 2
     except BusError as error:

@@ -20,19 +20,22 @@ from types import FrameType
 
 import msgspec
 
+from controllers.gains import values
 from gcs.commands import Request
-from gcs.config import ConfigError
+from gcs.config import ConfigError, parameter_file
 from gcs.mavlink.endpoints import Endpoint, LinkOpenError, LinkUrlError, open_endpoint
 from gcs.offboard.configure import read_offboard_config
 from gcs.offboard.modes import State
+from gcs.offboard.state import OffboardConfig
 from gcs.offboard.station import Station
-from gcs.records import FlightMessage, Packet
+from gcs.records import FlightMessage, FlightStart, Packet
 from gcs.runtime import Runtime, RuntimeFolderError, end_with_parent, open_runtime
 
 # Without an IMU sample for this long (vehicle time) a tick runs all the same, so that timeouts act.
 WATCHDOG_S = 0.05
 SHORTEST_WATCHDOG_S = 0.005
 STATUS_PERIOD_S = 0.2
+START_PERIOD_S = 5.0
 FRAMES_KEPT = 4000
 DATAGRAM_BYTES = 1 << 18
 SEND_BUFFER_BYTES = 1 << 22
@@ -69,8 +72,11 @@ class FrameSender:
 class Flight:
     """The loop around the station: vehicle link, request socket, and the way for MAVSDK of the actions process."""
 
-    def __init__(self, station: Station, endpoint: Endpoint, runtime: Runtime, router_port: int | None) -> None:
+    def __init__(
+        self, station: Station, endpoint: Endpoint, runtime: Runtime, *, start: FlightStart, router_port: int | None
+    ) -> None:
         self.station = station
+        self.start = start
         self.endpoint = endpoint
         self.sender = FrameSender(runtime.flight_socket)
         self.requests = _bind_requests(runtime.command_socket)
@@ -80,6 +86,7 @@ class Flight:
         self._stop = False
         self._ticked_s = time.monotonic()
         self._status_due_s = 0.0
+        self._start_due_s = 0.0
 
     def stop(self, _signal: int, _frame: FrameType | None) -> None:
         """Ask the loop to end; a vehicle we steer is told to hold first."""
@@ -156,6 +163,9 @@ class Flight:
         if self._passed:
             frame = msgspec.structs.replace(frame, packets=(*frame.packets, *self._passed))
             self._passed = []
+        if now_s >= self._start_due_s:
+            self._start_due_s = now_s + START_PERIOD_S
+            self.sender.send(self.start)
         self.sender.send(frame)
         if now_s >= self._status_due_s or frame.events or frame.answers:
             self._status_due_s = now_s + STATUS_PERIOD_S
@@ -201,6 +211,19 @@ def prefer_realtime() -> str:
     return f"SCHED_FIFO priority {PRIORITY}"
 
 
+def flight_start(vehicle_path: Path, config: OffboardConfig, link_url: str, utc_s: float) -> FlightStart:
+    """What this life of the flight process starts from, for the recorder."""
+    return FlightStart(
+        session=f"{os.getpid()}-{int(utc_s * 1e3)}",
+        utc_s=utc_s,
+        vehicle_name=config.vehicle.name,
+        vehicle_toml=vehicle_path.read_text(encoding="utf-8"),
+        parameters_toml=parameter_file(config.vehicle, vehicle_path).read_text(encoding="utf-8"),
+        link_url=link_url,
+        settings={f"{kind} {name}": values(gain_set) for (kind, name), gain_set in config.gain_sets.items()},
+    )
+
+
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m gcs.flight", description=__doc__)
     parser.add_argument("--vehicle", type=Path, required=True, help="vehicle file (TOML)")
@@ -221,7 +244,9 @@ def main() -> int:
     except (ConfigError, RuntimeFolderError, LinkUrlError, LinkOpenError) as error:
         print(f"flight: {error}", file=sys.stderr)
         return 2
-    flight = Flight(Station(config, time.time()), endpoint, runtime, arguments.router_port)
+    utc_s = time.time()
+    start = flight_start(arguments.vehicle, config, endpoint.url.text, utc_s)
+    flight = Flight(Station(config, utc_s), endpoint, runtime, start=start, router_port=arguments.router_port)
     signal.signal(signal.SIGTERM, flight.stop)
     signal.signal(signal.SIGINT, flight.stop)
     print(f"flight: {endpoint.url.text}, {prefer_realtime()}", flush=True)

@@ -235,7 +235,7 @@ class Autopilot:
                 self._fly_sticks()
             case _:
                 self._advance_automatic()
-                self._fly(self._target)
+                self._fly_target()
 
     def _enter(self, mode: Mode) -> None:
         if mode is not self.mode:
@@ -258,6 +258,11 @@ class Autopilot:
         if self._vehicle.command[0] != inner_loop.ATTITUDE:
             self._control.reset(nav.euler_rad[2])
         self._target = Target(nav.position_ned_m, yaw_rad=nav.euler_rad[2], speed_m_s=self.cruise_m_s)
+
+    def _fly_target(self) -> None:
+        """Follow the target of an automatic mode; standing, only take-off and missions leave the ground."""
+        leaves = self.mode in (Mode.TAKEOFF, Mode.MISSION)
+        self._fly(self._target if leaves or not self.landed else Target())
 
     def _fly(self, target: Target) -> None:
         parameters = self._vehicle.parameters
@@ -304,7 +309,7 @@ class Autopilot:
     def _fly_sticks(self) -> None:
         sticks = self._sticks
         if sticks is None or not self._sticks_alive():
-            self._fly(self._target)
+            self._fly_target()
             return
         nav = self._navigation.state()
         c, s = math.cos(nav.euler_rad[2]), math.sin(nav.euler_rad[2])

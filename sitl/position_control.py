@@ -16,7 +16,9 @@ from sitl.vehicle_parameters import VehicleParameters
 
 NAN3: Vec3 = (math.nan, math.nan, math.nan)
 _INTEGRAL_LIMIT_M_S2 = 4.0
-_IDLE_CLIMB_M_S = 0.05
+# A standing vehicle takes off when asked for this much height or climb; less is noise of its own estimate.
+_TAKE_OFF_HEIGHT_M = 0.3
+_TAKE_OFF_CLIMB_M_S = 0.05
 
 
 class Target(NamedTuple):
@@ -96,6 +98,13 @@ def _acceleration(
     return acceleration
 
 
+def _asks_to_climb(target: Target, nav: NavigationState) -> bool:
+    height, climb, lift = target.position_ned_m[2], target.velocity_ned_m_s[2], target.acceleration_ned_m_s2[2]
+    if math.isfinite(height):
+        return height < nav.position_ned_m[2] - _TAKE_OFF_HEIGHT_M
+    return climb < -_TAKE_OFF_CLIMB_M_S if math.isfinite(climb) else lift < 0.0
+
+
 def attitude_from_thrust(up_ned: Vec3, yaw_rad: float) -> Quaternion:
     """Attitude whose body -z is the unit vector ``up_ned`` and whose x axis heads ``yaw_rad``: tilt after heading."""
     # In the heading frame: smallest rotation from straight up to the wanted direction.
@@ -131,15 +140,14 @@ def step(
     dt_s: float,
 ) -> AttitudeThrust:
     """One pass of the loops; ``memory`` is mutated. While standing, anything but a wish to climb idles the motors."""
-    velocity = _velocity_target(target, nav, parameters)
-    climbing = velocity[2] < -_IDLE_CLIMB_M_S if math.isfinite(velocity[2]) else target.acceleration_ned_m_s2[2] < 0.0
-    if standing and not climbing:
+    if standing and not _asks_to_climb(target, nav):
         memory.reset(nav.euler_rad[2])
         return AttitudeThrust(quaternion(0.0, 0.0, nav.euler_rad[2]), 0.0, True)
     if math.isfinite(target.yaw_rad):
         memory.yaw_rad = target.yaw_rad
     elif math.isfinite(target.yaw_rate_rad_s):
         memory.yaw_rad += target.yaw_rate_rad_s * dt_s
+    velocity = _velocity_target(target, nav, parameters)
     ax, ay, az = _acceleration(memory, target, velocity, nav, parameters, dt_s)
     lift = max(0.2 * STANDARD_GRAVITY_M_S2, STANDARD_GRAVITY_M_S2 - az)
     side = math.hypot(ax, ay)

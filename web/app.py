@@ -10,13 +10,14 @@ from typing import Any
 
 from fastapi import FastAPI, WebSocket
 from fastapi.openapi.utils import get_openapi
-from fastapi.responses import FileResponse, PlainTextResponse, Response
+from fastapi.responses import FileResponse, HTMLResponse, PlainTextResponse, Response
 from fastapi.staticfiles import StaticFiles
 
 from web.auth import AttemptLimiter, LoginLink, SessionStore, Users
 from web.gate import Gate
 from web.login import Login
 from web.proxy import create_scene_router
+from web.reference import reference_page
 from web.routes import Station, create_router, struct_schemas
 from web.stream import serve_stream
 
@@ -77,6 +78,10 @@ def _add_pages(app: FastAPI, static: Path) -> None:
         if not page.is_file():
             return PlainTextResponse(_NOT_BUILT, status_code=503)
         return FileResponse(page)
+
+    @app.get("/api/docs", include_in_schema=False)
+    async def docs() -> Response:
+        return HTMLResponse(reference_page(app.openapi()))
 
     app.mount("/static", StaticFiles(directory=static, check_dir=False), name="static")
 

@@ -7,20 +7,17 @@ belong to no valid frame are counted and skipped, never raised; the decoder find
 from __future__ import annotations
 
 import struct
-from binascii import crc_hqx
 from typing import Any
 
 import msgspec
+from fastcrc import crc16
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gcs.mavlink.dialect import (
-    BYTE_REFLECTED,
-    CRC_EXTRA_REFLECTED,
-    LAYOUTS,
-    WORD_REFLECTED,
-    checksum,
-)
+from gcs.mavlink.dialect import CRC_EXTRA, LAYOUTS
 from gcs.mavlink.messages import Message
+
+# CRC-16/MCRF4XX; the caller appends the extra byte of the message.
+checksum = crc16.mcrf4xx
 
 MAGIC_V1 = 0xFE
 MAGIC_V2 = 0xFD
@@ -30,48 +27,66 @@ OVERHEAD_V2 = 12
 SIGNATURE_SIZE = 13
 MAX_FRAME_SIZE = OVERHEAD_V2 + 255 + SIGNATURE_SIZE
 
-# One layout per payload length gives header, payload and checksum of a frame in a single unpacking.
-_UNPACK_V2 = tuple(struct.Struct(f"<BBBBBBBHB{length}sH").unpack_from for length in range(256))
-_UNPACK_V1 = tuple(struct.Struct(f"<BBBBBB{length}sH").unpack_from for length in range(256))
+# One layout per payload length gives all of a frame behind its flags in a single unpacking: sequence, source (system in
+# the low byte, component in the high one), message id, payload, checksum.
+_UNPACK_V2 = tuple(struct.Struct(f"<4xBHHB{length}sH").unpack_from for length in range(256))
+_UNPACK_V1 = tuple(struct.Struct(f"<2xBHB{length}sH").unpack_from for length in range(256))
+_ZEROS = bytes(255)
 _LATE_SEQUENCE = 250
 
 
 class Frame(msgspec.Struct, frozen=True, gc=False):
     """One frame off the wire. ``payload`` is as sent (trailing zeros cut); ``raw`` is the whole packet, signature too.
 
-    The signature of a signed frame is carried in ``raw`` and not verified here.
+    ``source`` holds the system in its low byte and the component in its high one. The signature of a signed frame is
+    carried in ``raw`` and not verified here.
     """
 
     message_id: int
     sequence: int
-    system: int
-    component: int
+    source: int
     payload: bytes
-    version: int
-    signed: bool
     raw: bytes
+
+    @property
+    def system(self) -> int:
+        """System id of the sender."""
+        return self.source & 0xFF
+
+    @property
+    def component(self) -> int:
+        """Component id of the sender."""
+        return self.source >> 8
+
+    @property
+    def version(self) -> int:
+        """MAVLink version of the framing, 1 or 2."""
+        return 2 if self.raw[0] == MAGIC_V2 else 1
+
+    @property
+    def signed(self) -> bool:
+        """True if a signature follows the checksum."""
+        return self.raw[0] == MAGIC_V2 and bool(self.raw[2] & FLAG_SIGNED)
 
 
 class SourceCount:
     """Packets received and lost of one (system, component), from the sequence numbers."""
 
-    __slots__ = ("last_sequence", "late", "lost", "received")
+    __slots__ = ("expected", "late", "lost", "received")
 
     def __init__(self, sequence: int) -> None:
-        self.last_sequence = sequence
+        self.expected = (sequence + 1) & 0xFF
         self.received = 1
         self.lost = 0
         self.late = 0
 
     def count(self, sequence: int) -> None:
         """Account for one more packet; one that comes late or twice is not taken for a gap of 250."""
-        gap = (sequence - self.last_sequence - 1) & 0xFF
+        gap = (sequence - self.expected) & 0xFF
         self.received += 1
-        if gap == 0:
-            self.last_sequence = sequence
-        elif gap < _LATE_SEQUENCE:
+        if gap < _LATE_SEQUENCE:
             self.lost += gap
-            self.last_sequence = sequence
+            self.expected = (sequence + 1) & 0xFF
         else:
             self.late += 1
 
@@ -85,7 +100,7 @@ class Decoder:
     ``sources``        received and lost packets per (system, component)
     """
 
-    __slots__ = ("_in_step", "_rest", "bad_bytes", "bad_crc", "sources", "unknown")
+    __slots__ = ("_in_step", "_rest", "_sources", "bad_bytes", "bad_crc", "unknown")
 
     def __init__(self) -> None:
         self._rest = b""
@@ -93,7 +108,16 @@ class Decoder:
         self.bad_bytes = 0
         self.bad_crc = 0
         self.unknown = 0
-        self.sources: dict[tuple[int, int], SourceCount] = {}
+        self._sources: dict[int, SourceCount] = {}
+
+    @property
+    def sources(self) -> dict[tuple[int, int], SourceCount]:
+        """Received and lost packets of each sender."""
+        return {(source & 0xFF, source >> 8): count for source, count in self._sources.items()}
+
+    def source(self, system: int, component: int) -> SourceCount | None:
+        """Received and lost packets of one sender, None if it has not been heard."""
+        return self._sources.get(system | component << 8)
 
     def feed(self, data: bytes) -> list[Frame]:
         """Frames completed by ``data``, in order; an unfinished frame at the end waits for more."""
@@ -104,30 +128,29 @@ class Decoder:
         start, size = 0, len(data)
         while start < size:
             # The common case, a MAVLink 2 frame without a signature, is written out here; all else in _take_other.
-            if data[start] == MAGIC_V2 and size - start >= OVERHEAD_V2 and data[start + 2] == 0:
+            if data[start] == MAGIC_V2 and size - start >= OVERHEAD_V2 and not data[start + 2]:
                 length = data[start + 1]
                 end = start + OVERHEAD_V2 + length
                 if end > size:
                     break
-                _, _, _, _, sequence, system, component, low, high, payload, crc = _UNPACK_V2[length](data, start)
-                message_id = low | high << 16
-                extra = CRC_EXTRA_REFLECTED.get(message_id)
-                if extra is not None:
-                    covered = data[start + 1 : end - 2].translate(BYTE_REFLECTED) + extra
-                    if WORD_REFLECTED[crc_hqx(covered, 0xFFFF)] == crc:
-                        source = self.sources.get((system, component))
-                        if source is None:
-                            self.sources[system, component] = SourceCount(sequence)
-                        elif (source.last_sequence + 1) & 0xFF == sequence:
-                            source.last_sequence = sequence
-                            source.received += 1
-                        else:
-                            source.count(sequence)
-                        raw = data if end - start == size else data[start:end]
-                        frames.append(Frame(message_id, sequence, system, component, payload, 2, False, raw))
-                        self._in_step = True
-                        start = end
-                        continue
+                sequence, source, message_id, high, payload, crc = _UNPACK_V2[length](data, start)
+                if high:
+                    message_id |= high << 16
+                extra = CRC_EXTRA.get(message_id)
+                if extra is not None and checksum(data[start + 1 : end - 2] + extra) == crc:
+                    count = self._sources.get(source)
+                    if count is None:
+                        self._sources[source] = SourceCount(sequence)
+                    elif count.expected == sequence:
+                        count.expected = (sequence + 1) & 0xFF
+                        count.received += 1
+                    else:
+                        count.count(sequence)
+                    raw = data if end - start == size else data[start:end]
+                    frames.append(Frame(message_id, sequence, source, payload, raw))
+                    self._in_step = True
+                    start = end
+                    continue
             taken = self._take_other(data, start, frames)
             if taken == 0:
                 break
@@ -151,18 +174,18 @@ class Decoder:
             return 0
         raw = data[start : start + frame_size]
         frame = parse_frame(raw)
-        if frame.message_id not in CRC_EXTRA_REFLECTED:
+        if frame.message_id not in CRC_EXTRA:
             after = start + frame_size
             if after < len(data) and data[after] not in (MAGIC_V1, MAGIC_V2):
                 return self._skip(data, start, in_step=False)
             self.unknown += 1
         elif not checksum_holds(frame):
             return self._skip(data, start, in_step=self._in_step)
-        source = self.sources.get((frame.system, frame.component))
-        if source is not None:
-            source.count(frame.sequence)
-        elif frame.message_id in CRC_EXTRA_REFLECTED:
-            self.sources[frame.system, frame.component] = SourceCount(frame.sequence)
+        count = self._sources.get(frame.source)
+        if count is not None:
+            count.count(frame.sequence)
+        elif frame.message_id in CRC_EXTRA:
+            self._sources[frame.source] = SourceCount(frame.sequence)
         frames.append(frame)
         self._in_step = True
         return frame_size
@@ -196,20 +219,20 @@ def parse_frame(raw: bytes) -> Frame:
     """Header and payload of one whole frame (see :func:`frame_size_at`); its checksum is not looked at."""
     length = raw[1]
     if raw[0] == MAGIC_V1:
-        _, _, sequence, system, component, message_id, payload, _ = _UNPACK_V1[length](raw)
-        return Frame(message_id, sequence, system, component, payload, 1, False, raw)
-    _, _, flags, _, sequence, system, component, low, high, payload, _ = _UNPACK_V2[length](raw)
-    return Frame(low | high << 16, sequence, system, component, payload, 2, bool(flags & FLAG_SIGNED), raw)
+        sequence, source, message_id, payload, _ = _UNPACK_V1[length](raw)
+    else:
+        sequence, source, low, high, payload, _ = _UNPACK_V2[length](raw)
+        message_id = low | high << 16
+    return Frame(message_id, sequence, source, payload, raw)
 
 
 def checksum_holds(frame: Frame) -> bool:
     """True if the checksum of a frame is right; False for a message outside the dialect: nothing to compare with."""
-    extra = CRC_EXTRA_REFLECTED.get(frame.message_id)
+    extra = CRC_EXTRA.get(frame.message_id)
     if extra is None:
         return False
     end = len(frame.raw) - (SIGNATURE_SIZE if frame.signed else 0) - 2
-    covered = frame.raw[1:end].translate(BYTE_REFLECTED) + extra
-    return WORD_REFLECTED[crc_hqx(covered, 0xFFFF)] == int.from_bytes(frame.raw[end : end + 2], "little")
+    return checksum(frame.raw[1:end] + extra) == int.from_bytes(frame.raw[end : end + 2], "little")
 
 
 def without_signature(raw: bytes) -> bytes:
@@ -222,7 +245,7 @@ def without_signature(raw: bytes) -> bytes:
         return raw
     end = len(raw) - SIGNATURE_SIZE - 2
     flipped = bytes((0, FLAG_SIGNED)) + bytes(end - 2)
-    crc = int.from_bytes(raw[end : end + 2], "little") ^ checksum(flipped, initial=0)
+    crc = int.from_bytes(raw[end : end + 2], "little") ^ checksum(flipped, 0)
     return raw[:2] + bytes((raw[2] & ~FLAG_SIGNED,)) + raw[3:end] + crc.to_bytes(2, "little")
 
 
@@ -232,13 +255,10 @@ def decode(frame: Frame) -> Message | None:
     if layout is None:
         return None
     payload = frame.payload
-    if len(payload) != layout.size:
-        payload = payload.ljust(layout.size, b"\0")[: layout.size]
-    values = layout.unpack(payload)
+    values = layout.unpack(payload if len(payload) >= layout.size else payload + _ZEROS)
     if layout.groups:
         values = tuple([values[group] for group in layout.groups])
-    message: Message = tuple.__new__(layout.message_type, values)
-    return message
+    return layout.message_type(*values)
 
 
 _PYMAVLINK = dialect.MAVLink(None)
@@ -246,6 +266,6 @@ _PYMAVLINK = dialect.MAVLink(None)
 
 def decode_any(frame: Frame) -> Any | None:
     """The pymavlink message of a frame, for what is not on the hot path; None where the dialect has no such message."""
-    if frame.message_id not in CRC_EXTRA_REFLECTED:
+    if frame.message_id not in CRC_EXTRA:
         return None
     return _PYMAVLINK.decode(bytearray(frame.raw))

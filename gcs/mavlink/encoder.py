@@ -10,8 +10,8 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gcs.mavlink.codec import MAGIC_V2
-from gcs.mavlink.dialect import CRC_EXTRA, checksum
+from gcs.mavlink.codec import MAGIC_V2, checksum
+from gcs.mavlink.dialect import CRC_EXTRA
 from gcs.mavlink.modes import AUTOPILOT_INVALID, TYPE_GCS
 from models.frames import Quaternion, Vec3
 
@@ -154,7 +154,7 @@ class Encoder:
         payload = payload.rstrip(b"\0") or payload[:1]
         header = (len(payload), 0, 0, self._next_sequence(), self.system, self.component, message_id, 0, 0)
         covered = bytes(header) + payload
-        crc = checksum(covered + CRC_EXTRA[message_id].to_bytes(1, "little"))
+        crc = checksum(covered + CRC_EXTRA[message_id])
         return bytes((MAGIC_V2,)) + covered + crc.to_bytes(2, "little")
 
 

@@ -232,7 +232,7 @@ class Link:
     def poll(self, ground_s: float) -> list[bytes]:
         """Packets to send now: heartbeat, time, questions and answers. Call it at least ten times a second."""
         now_s = self.clock.elapsed_s(ground_s)
-        self._quality.advance(now_s, self.decoder.sources.get(self.vehicle) if self.vehicle else None)
+        self._quality.advance(now_s, self.decoder.source(*self.vehicle) if self.vehicle else None)
         packets, self._replies = self._replies, []
         if now_s >= self._heartbeat_due_s:
             self._heartbeat_due_s = now_s + HEARTBEAT_PERIOD_S
@@ -311,7 +311,7 @@ class Link:
     def status(self, ground_s: float) -> LinkStatus:
         """How the link is doing, over the last full second of vehicle time."""
         age_s = self.clock.elapsed_s(ground_s) - self._heartbeat_s
-        source = self.decoder.sources.get(self.vehicle) if self.vehicle else None
+        source = self.decoder.source(*self.vehicle) if self.vehicle else None
         return self._quality.status(self.alive, age_s if self.vehicle else None, source, self.decoder)
 
     @property

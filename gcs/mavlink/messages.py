@@ -1,4 +1,4 @@
-"""The messages of the hot path as named tuples in wire order, checked at import against the dialect's own tables.
+"""The messages of the hot path, fields in wire order, checked at import against the dialect's own tables.
 
 Values are exactly those on the wire, in the wire's units (degE7, mm, cm/s, hPa, gauss, ...): nothing is converted here.
 Conversion to SI and radians happens once, in :mod:`gcs.telemetry`. Arrays are tuples; characters are raw bytes.
@@ -6,10 +6,10 @@ Conversion to SI and radians happens once, in :mod:`gcs.telemetry`. Arrays are t
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import msgspec
 
 
-class Heartbeat(NamedTuple):
+class Heartbeat(msgspec.Struct, frozen=True, gc=False):
     """HEARTBEAT (0)."""
 
     custom_mode: int
@@ -20,7 +20,7 @@ class Heartbeat(NamedTuple):
     mavlink_version: int
 
 
-class SysStatus(NamedTuple):
+class SysStatus(msgspec.Struct, frozen=True, gc=False):
     """SYS_STATUS (1)."""
 
     onboard_control_sensors_present: int
@@ -41,14 +41,14 @@ class SysStatus(NamedTuple):
     onboard_control_sensors_health_extended: int
 
 
-class SystemTime(NamedTuple):
+class SystemTime(msgspec.Struct, frozen=True, gc=False):
     """SYSTEM_TIME (2)."""
 
     time_unix_usec: int
     time_boot_ms: int
 
 
-class GpsRawInt(NamedTuple):
+class GpsRawInt(msgspec.Struct, frozen=True, gc=False):
     """GPS_RAW_INT (24)."""
 
     time_usec: int
@@ -69,7 +69,7 @@ class GpsRawInt(NamedTuple):
     yaw: int
 
 
-class ScaledImu(NamedTuple):
+class ScaledImu(msgspec.Struct, frozen=True, gc=False):
     """SCALED_IMU (26)."""
 
     time_boot_ms: int
@@ -85,7 +85,7 @@ class ScaledImu(NamedTuple):
     temperature: int
 
 
-class RawImu(NamedTuple):
+class RawImu(msgspec.Struct, frozen=True, gc=False):
     """RAW_IMU (27)."""
 
     time_usec: int
@@ -102,7 +102,7 @@ class RawImu(NamedTuple):
     temperature: int
 
 
-class ScaledPressure(NamedTuple):
+class ScaledPressure(msgspec.Struct, frozen=True, gc=False):
     """SCALED_PRESSURE (29)."""
 
     time_boot_ms: int
@@ -112,7 +112,7 @@ class ScaledPressure(NamedTuple):
     temperature_press_diff: int
 
 
-class Attitude(NamedTuple):
+class Attitude(msgspec.Struct, frozen=True, gc=False):
     """ATTITUDE (30)."""
 
     time_boot_ms: int
@@ -124,7 +124,7 @@ class Attitude(NamedTuple):
     yawspeed: float
 
 
-class AttitudeQuaternion(NamedTuple):
+class AttitudeQuaternion(msgspec.Struct, frozen=True, gc=False):
     """ATTITUDE_QUATERNION (31)."""
 
     time_boot_ms: int
@@ -138,7 +138,7 @@ class AttitudeQuaternion(NamedTuple):
     repr_offset_q: tuple[float, ...]
 
 
-class LocalPositionNed(NamedTuple):
+class LocalPositionNed(msgspec.Struct, frozen=True, gc=False):
     """LOCAL_POSITION_NED (32)."""
 
     time_boot_ms: int
@@ -150,7 +150,7 @@ class LocalPositionNed(NamedTuple):
     vz: float
 
 
-class ServoOutputRaw(NamedTuple):
+class ServoOutputRaw(msgspec.Struct, frozen=True, gc=False):
     """SERVO_OUTPUT_RAW (36)."""
 
     time_usec: int
@@ -173,7 +173,7 @@ class ServoOutputRaw(NamedTuple):
     servo16_raw: int
 
 
-class GpsGlobalOrigin(NamedTuple):
+class GpsGlobalOrigin(msgspec.Struct, frozen=True, gc=False):
     """GPS_GLOBAL_ORIGIN (49)."""
 
     latitude: int
@@ -182,7 +182,7 @@ class GpsGlobalOrigin(NamedTuple):
     time_usec: int
 
 
-class CommandAck(NamedTuple):
+class CommandAck(msgspec.Struct, frozen=True, gc=False):
     """COMMAND_ACK (77)."""
 
     command: int
@@ -193,7 +193,7 @@ class CommandAck(NamedTuple):
     target_component: int
 
 
-class VisionPositionEstimate(NamedTuple):
+class VisionPositionEstimate(msgspec.Struct, frozen=True, gc=False):
     """VISION_POSITION_ESTIMATE (102)."""
 
     usec: int
@@ -207,7 +207,7 @@ class VisionPositionEstimate(NamedTuple):
     reset_counter: int
 
 
-class HighresImu(NamedTuple):
+class HighresImu(msgspec.Struct, frozen=True, gc=False):
     """HIGHRES_IMU (105)."""
 
     time_usec: int
@@ -228,7 +228,7 @@ class HighresImu(NamedTuple):
     id: int
 
 
-class SimState(NamedTuple):
+class SimState(msgspec.Struct, frozen=True, gc=False):
     """SIM_STATE (108)."""
 
     q1: float
@@ -256,14 +256,14 @@ class SimState(NamedTuple):
     lon_int: int
 
 
-class Timesync(NamedTuple):
+class Timesync(msgspec.Struct, frozen=True, gc=False):
     """TIMESYNC (111)."""
 
     tc1: int
     ts1: int
 
 
-class ScaledImu2(NamedTuple):
+class ScaledImu2(msgspec.Struct, frozen=True, gc=False):
     """SCALED_IMU2 (116)."""
 
     time_boot_ms: int
@@ -279,7 +279,7 @@ class ScaledImu2(NamedTuple):
     temperature: int
 
 
-class DistanceSensor(NamedTuple):
+class DistanceSensor(msgspec.Struct, frozen=True, gc=False):
     """DISTANCE_SENSOR (132)."""
 
     time_boot_ms: int
@@ -296,7 +296,7 @@ class DistanceSensor(NamedTuple):
     signal_quality: int
 
 
-class AttPosMocap(NamedTuple):
+class AttPosMocap(msgspec.Struct, frozen=True, gc=False):
     """ATT_POS_MOCAP (138)."""
 
     time_usec: int
@@ -307,7 +307,7 @@ class AttPosMocap(NamedTuple):
     covariance: tuple[float, ...]
 
 
-class BatteryStatus(NamedTuple):
+class BatteryStatus(msgspec.Struct, frozen=True, gc=False):
     """BATTERY_STATUS (147)."""
 
     current_consumed: int
@@ -326,7 +326,7 @@ class BatteryStatus(NamedTuple):
     fault_bitmask: int
 
 
-class AutopilotVersion(NamedTuple):
+class AutopilotVersion(msgspec.Struct, frozen=True, gc=False):
     """AUTOPILOT_VERSION (148)."""
 
     capabilities: int
@@ -343,7 +343,7 @@ class AutopilotVersion(NamedTuple):
     uid2: tuple[int, ...]
 
 
-class HomePosition(NamedTuple):
+class HomePosition(msgspec.Struct, frozen=True, gc=False):
     """HOME_POSITION (242)."""
 
     latitude: int
@@ -359,14 +359,14 @@ class HomePosition(NamedTuple):
     time_usec: int
 
 
-class ExtendedSysState(NamedTuple):
+class ExtendedSysState(msgspec.Struct, frozen=True, gc=False):
     """EXTENDED_SYS_STATE (245)."""
 
     vtol_state: int
     landed_state: int
 
 
-class Statustext(NamedTuple):
+class Statustext(msgspec.Struct, frozen=True, gc=False):
     """STATUSTEXT (253)."""
 
     severity: int
@@ -375,7 +375,7 @@ class Statustext(NamedTuple):
     chunk_seq: int
 
 
-class ActuatorOutputStatus(NamedTuple):
+class ActuatorOutputStatus(msgspec.Struct, frozen=True, gc=False):
     """ACTUATOR_OUTPUT_STATUS (375)."""
 
     time_usec: int

@@ -44,7 +44,7 @@ def test_link_logs_in_once_and_says_what_to_do_the_second_time(rig: Rig) -> None
 @pytest.mark.parametrize(
     "path",
     ["/api/session", "/api/signals", "/api/status", "/api/events", "/api/gains", "/api/trajectories", "/api/runs"]
-    + ["/api/openapi.json", "/docs", "/static/app.js", "/scene/", "/scene/bridge.js", "/"],
+    + ["/api/openapi.json", "/api/docs", "/static/app.js", "/scene/", "/scene/bridge.js", "/"],
 )
 def test_nothing_without_a_session(rig: Rig, path: str) -> None:
     with rig.server.browser() as stranger:

@@ -173,6 +173,8 @@ def test_tables_and_interface_description(operator: Browser) -> None:
     body = described["paths"]["/api/commands"]["post"]["requestBody"]["content"]["application/json"]["schema"]
     assert {"$ref": "#/components/schemas/FlyTrajectory"} in body["anyOf"]
     assert "FlyTrajectory" in described["components"]["schemas"]
+    page = operator.http.get("/api/docs").text
+    assert "POST /api/commands" in page and "height_m" in page and "<script" not in page
 
 
 def test_scene_page_is_visers_with_our_bridge_under_its_own_policy(operator: Browser) -> None:

@@ -27,6 +27,7 @@ from models.samples import (
     GnssSample,
     ImuSample,
     MagnetometerSample,
+    OriginSample,
     PoseSample,
 )
 
@@ -199,6 +200,16 @@ class Rig:
             horizontal_std_m=self.gnss_std_m,
             vertical_std_m=self.gnss_std_m,
             speed_std_m_s=self.gnss_speed_std_m_s,
+        )
+
+    def origin(self) -> OriginSample:
+        """The vehicle tells where its local frame begins: at home."""
+        return OriginSample(
+            time_s=self.time_s,
+            arrival_s=self.time_s,
+            latitude_rad=HOME.latitude_rad,
+            longitude_rad=HOME.longitude_rad,
+            height_m=HOME.height_m,
         )
 
     def error(self, estimate: Estimate) -> Array:

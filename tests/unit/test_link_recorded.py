@@ -8,6 +8,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 from pymavlink import mavutil
 
@@ -88,7 +89,7 @@ def test_values_of_an_excerpt_are_those_of_pymavlink(path: Path) -> None:
         if ours is None:
             continue
         compared += 1
-        for name, value in ours._asdict().items():
+        for name, value in msgspec.structs.asdict(ours).items():
             expected = getattr(theirs, name)
             if isinstance(value, bytes):
                 assert value.rstrip(b"\0").decode() == expected
