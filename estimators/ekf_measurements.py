@@ -141,8 +141,8 @@ def range_row(nominal: Array, distance_m: float, ground_down_m: float, innovatio
     jacobian[0, :] = 0.0
     innovation[0] = distance_m - predicted
     jacobian[0, 2] = -1.0 / cosine
-    jacobian[0, 6] = -predicted * r[2, 1] / cosine
-    jacobian[0, 7] = predicted * r[2, 0] / cosine
+    jacobian[0, 6] = predicted * r[2, 1] / cosine
+    jacobian[0, 7] = -predicted * r[2, 0] / cosine
 
 
 @kernel("void(f8[::1], f8[::1], f8, f8[::1], f8[:,::1])")

@@ -82,14 +82,17 @@ def propagate_nominal(nominal: Array, imu: Array, dt_s: float) -> None:
 def transition_rows(nominal: Array, imu: Array, dt_s: float, transition: Array) -> None:
     """Rows 0:9, columns 0:15 of Phi = I + A dt + (A dt)^2 / 2 into ``transition`` (9, 15); the other rows are identity.
 
-    A: position' = velocity, velocity' = -R [a]x attitude - R accel_bias, attitude' = -[w]x attitude - gyro_bias.
+    A: position' = velocity, velocity' = -R [a]x attitude - R accel_bias, attitude' = -[w]x attitude - gyro_bias, with R
+    half-way through the step: what A changes by over the step is of second order too.
     """
-    r = rotation_from_quaternion(nominal[6:10])
     w = np.empty(3)
     a = np.empty(3)
+    half = np.empty(3)
     for k in range(3):
         w[k] = imu[k] - nominal[10 + k]
         a[k] = imu[3 + k] - nominal[13 + k]
+        half[k] = 0.5 * dt_s * w[k]
+    r = rotation_from_quaternion(quaternion_multiply(nominal[6:10], quaternion_from_rotation_vector(half)))
     skew = np.zeros((3, 3))
     skew[0, 1], skew[0, 2] = -w[2], w[1]
     skew[1, 0], skew[1, 2] = w[2], -w[0]

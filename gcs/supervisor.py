@@ -8,7 +8,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 FIRST_RESTART_S = 0.5
 LONGEST_RESTART_S = 8.0
@@ -38,7 +38,6 @@ class _Child:
     last_words: str = ""
     started_once: bool = False
     restart_s: float = FIRST_RESTART_S
-    readers: list[asyncio.Task[None]] = field(default_factory=list)
 
 
 class Supervisor:

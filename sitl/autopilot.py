@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 from models.frames import Quaternion, Vec3
 from sitl import inner_loop, position_control
+from sitl.land_detector import LandDetector
 from sitl.mission import Action, Mission
 from sitl.modes import (
     ARMABLE_MODES,
@@ -34,7 +35,6 @@ from sitl.vehicle_parameters import VehicleParameters
 UPDATE_US = 20_000
 _UPDATE_S = UPDATE_US * 1e-6
 _STICKS_LOST_US = 500_000
-_LANDED_AFTER_US = 500_000
 _SLOWEST_SETPOINTS_HZ = 2.0
 
 
@@ -54,7 +54,6 @@ class Autopilot:
         self.mission = mission
         self.mode = Mode.LOITER
         self.armed = False
-        self.landed = True
         self.home_ned_m: Vec3 = (0.0, 0.0, 0.0)
         self.cruise_m_s = parameters["MPC_XY_CRUISE"]
         self._vehicle = vehicle
@@ -68,9 +67,7 @@ class Autopilot:
         self._setpoint_times_us: deque[int] = deque(maxlen=4)
         self._offboard_lost_us: int | None = None
         self._sticks: Sticks | None = None
-        self._contact_us: int | None = 0
-        self._armed_us = 0
-        self._flown = False
+        self._land_detector = LandDetector(parameters)
         self._battery_warned = False
 
     # Commands
@@ -85,8 +82,7 @@ class Autopilot:
             return Result.TEMPORARILY_REJECTED
         nav = self._navigation.state()
         self.armed = True
-        self._armed_us = self._vehicle.time_us
-        self._flown = not self.landed
+        self._land_detector.arm(self._vehicle.time_us)
         self.home_ned_m = nav.position_ned_m
         self._hold_here()
         self._announce(Severity.INFO, "Armed by external command")
@@ -189,6 +185,11 @@ class Autopilot:
     # State shown in telemetry
 
     @property
+    def landed(self) -> bool:
+        """On the ground and recognised as such."""
+        return self._land_detector.landed
+
+    @property
     def landed_state(self) -> int:
         """MAV_LANDED_STATE: 1 on ground, 2 in air, 3 taking off, 4 landing."""
         if self.landed:
@@ -221,9 +222,12 @@ class Autopilot:
 
     def update(self) -> None:
         """Failsafes, mode logic and outer loops; call every UPDATE_US of vehicle time."""
-        self._detect_landing()
-        if self.armed:
-            self._auto_disarm()
+        now_us = self._vehicle.time_us
+        if self._land_detector.update(now_us, on_ground=self._vehicle.on_ground) and self.armed:
+            self._announce(Severity.INFO, "Landing detected")
+        reason = self._land_detector.disarm_reason(now_us) if self.armed else None
+        if reason is not None:
+            self._stop(reason)
         if not self.armed:
             self._vehicle.command[0] = inner_loop.OFF
             return
@@ -386,31 +390,3 @@ class Autopilot:
         if battery is not None and battery.remaining < self.parameters["BAT_LOW_THR"] and not self._battery_warned:
             self._battery_warned = True
             self._announce(Severity.WARNING, "Battery low")
-
-    def _detect_landing(self) -> None:
-        now = self._vehicle.time_us
-        if not self._vehicle.on_ground:
-            self._contact_us = None
-            self.landed = False
-            self._flown = self._flown or self.armed
-        else:
-            if self._contact_us is None:
-                self._contact_us = now
-            if not self.landed and now - self._contact_us >= _LANDED_AFTER_US:
-                self.landed = True
-                self._announce(Severity.INFO, "Landing detected")
-
-    def _auto_disarm(self) -> None:
-        if not self.landed or self._contact_us is None:
-            return
-        now = self._vehicle.time_us
-        if self._flown:
-            wait, since, why = self.parameters["COM_DISARM_LAND"], self._contact_us, "Disarmed by landing"
-        else:
-            wait, since, why = (
-                self.parameters["COM_DISARM_PRFLT"],
-                self._armed_us,
-                "Disarmed by auto preflight disarming",
-            )
-        if wait >= 0.0 and (now - since) * 1e-6 > wait:
-            self._stop(why)

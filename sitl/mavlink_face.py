@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from models.frames import Geodetic, Vec3, ned_from_geodetic
+from sitl import parameter_protocol
 from sitl.autopilot import Autopilot
 from sitl.mission_protocol import MissionProtocol
 from sitl.modes import Mode, Result, Severity
@@ -366,31 +367,11 @@ class Face:
         )
 
     def _parameter(self, link: FaceLink, kind: str, message: Any) -> None:
-        parameters = self._autopilot.parameters
-        if kind == "PARAM_REQUEST_LIST":
-            names = list(parameters)
-        elif kind == "PARAM_REQUEST_READ" and message.param_index >= 0:
-            names = [parameters.names[message.param_index]] if message.param_index < len(parameters) else []
-        else:
-            names = [message.param_id] if message.param_id in parameters else []
-        if kind == "PARAM_SET" and names:
-            try:
-                value = parameters.value_from_wire(message.param_value, message.param_type)
-            except ValueError as error:
-                self.announce(Severity.WARNING, str(error))
-            else:
-                if message.param_type != parameters.kind(names[0]) or not parameters.set(names[0], value):
-                    self.announce(Severity.WARNING, f"{names[0]}: value or type refused")
-        for name in names:
-            self._reply(
-                link,
-                "PARAM_VALUE",
-                param_id=name,
-                param_value=parameters.wire_value(name),
-                param_type=parameters.kind(name),
-                param_count=len(parameters),
-                param_index=parameters.names.index(name),
-            )
+        values, complaint = parameter_protocol.answer(self._autopilot.parameters, kind, message)
+        if complaint is not None:
+            self.announce(Severity.WARNING, complaint)
+        for fields in values:
+            self._reply(link, "PARAM_VALUE", **fields)
 
     def _refuse_file_transfer(self, link: FaceLink, message: Any) -> None:
         sequence = (message.payload[0] | message.payload[1] << 8) + 1 & 0xFFFF

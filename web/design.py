@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any, get_args
 
 import msgspec
@@ -168,6 +169,12 @@ def predicted_jump(staged: GainSet, frame: Array | None) -> Jump | None:
     return Jump(float(np.abs(torque_change).max()), abs(ladder.thrust_n - last.thrust_n))
 
 
+@lru_cache(maxsize=32)
+def _report(gain_set: GainSet) -> DesignReport:
+    """Remembered, because the live set is asked for again with every edit of the staged one."""
+    return predict(gain_set, load_quadrotor())
+
+
 def predict_change(wanted: DesignRequest, status: dict[str, Any] | None, frame: Array | None) -> Prediction:
     """Poles, margins and steps of the newest set of a controller and of that set with changes. Raises DesignError."""
     base, live = newest_set(wanted.controller, status)
@@ -175,13 +182,12 @@ def predict_change(wanted: DesignRequest, status: dict[str, Any] | None, frame: 
         staged = edited(live, wanted.changes)
     except GainError as error:
         raise DesignError(str(error)) from error
-    parameters = load_quadrotor()
     try:
         return Prediction(
             controller=wanted.controller,
             base=base,
-            live=predict(live, parameters),
-            staged=predict(staged, parameters),
+            live=_report(live),
+            staged=_report(staged),
             jump=predicted_jump(staged, frame),
         )
     except np.linalg.LinAlgError as error:

@@ -31,7 +31,6 @@ MAX_FRAME_SIZE = OVERHEAD_V2 + 255 + SIGNATURE_SIZE
 # the low byte, component in the high one), message id, payload, checksum.
 _UNPACK_V2 = tuple(struct.Struct(f"<4xBHHB{length}sH").unpack_from for length in range(256))
 _UNPACK_V1 = tuple(struct.Struct(f"<2xBHB{length}sH").unpack_from for length in range(256))
-_ZEROS = bytes(255)
 _LATE_SEQUENCE = 250
 
 
@@ -124,39 +123,30 @@ class Decoder:
         if self._rest:
             data = self._rest + data
             self._rest = b""
+        elif len(data) >= OVERHEAD_V2 and data[0] == MAGIC_V2 and not data[2] and data[1] == len(data) - OVERHEAD_V2:
+            # One whole unsigned MAVLink 2 frame: what nearly every datagram and log record is. The rest of this method
+            # would do the same, at twice the time.
+            sequence, source, message_id, high, payload, crc = _UNPACK_V2[data[1]](data)
+            if high:
+                message_id |= high << 16
+            extra = CRC_EXTRA.get(message_id)
+            if extra is not None and checksum(data[1:-2] + extra) == crc:
+                count = self._sources.get(source)
+                if count is not None and count.expected == sequence:
+                    count.expected = (sequence + 1) & 0xFF
+                    count.received += 1
+                else:
+                    self._count(source, sequence)
+                self._in_step = True
+                return [Frame(message_id, sequence, source, payload, data)]
         frames: list[Frame] = []
         start, size = 0, len(data)
         while start < size:
-            # The common case, a MAVLink 2 frame without a signature, is written out here; all else in _take_other.
-            if data[start] == MAGIC_V2 and size - start >= OVERHEAD_V2 and not data[start + 2]:
-                length = data[start + 1]
-                end = start + OVERHEAD_V2 + length
-                if end > size:
-                    break
-                sequence, source, message_id, high, payload, crc = _UNPACK_V2[length](data, start)
-                if high:
-                    message_id |= high << 16
-                extra = CRC_EXTRA.get(message_id)
-                if extra is not None and checksum(data[start + 1 : end - 2] + extra) == crc:
-                    count = self._sources.get(source)
-                    if count is None:
-                        self._sources[source] = SourceCount(sequence)
-                    elif count.expected == sequence:
-                        count.expected = (sequence + 1) & 0xFF
-                        count.received += 1
-                    else:
-                        count.count(sequence)
-                    raw = data if end - start == size else data[start:end]
-                    frames.append(Frame(message_id, sequence, source, payload, raw))
-                    self._in_step = True
-                    start = end
-                    continue
-            taken = self._take_other(data, start, frames)
+            taken = self._take(data, start, frames)
             if taken == 0:
+                self._rest = data[start:]
                 break
             start += taken
-        if start < size:
-            self._rest = data[start:]
         return frames
 
     def flush(self) -> None:
@@ -165,30 +155,35 @@ class Decoder:
         self._rest = b""
         self._in_step = True
 
-    def _take_other(self, data: bytes, start: int, frames: list[Frame]) -> int:
-        """Take a rare frame or skip what is none; returns the bytes used up, 0 if more are needed to tell."""
+    def _take(self, data: bytes, start: int, frames: list[Frame]) -> int:
+        """Take the frame at ``start`` or skip what is none; returns the bytes used up, 0 if more are needed to tell."""
         frame_size = frame_size_at(data, start)
         if frame_size is None:
             return self._skip(data, start, in_step=False)
-        if frame_size == 0 or start + frame_size > len(data):
+        end = start + frame_size
+        if frame_size == 0 or end > len(data):
             return 0
-        raw = data[start : start + frame_size]
-        frame = parse_frame(raw)
-        if frame.message_id not in CRC_EXTRA:
-            after = start + frame_size
-            if after < len(data) and data[after] not in (MAGIC_V1, MAGIC_V2):
-                return self._skip(data, start, in_step=False)
-            self.unknown += 1
-        elif not checksum_holds(frame):
-            return self._skip(data, start, in_step=self._in_step)
-        count = self._sources.get(frame.source)
-        if count is not None:
-            count.count(frame.sequence)
+        frame = parse_frame(data[start:end])
+        if checksum_holds(frame):
+            self._count(frame.source, frame.sequence)
         elif frame.message_id in CRC_EXTRA:
-            self._sources[frame.source] = SourceCount(frame.sequence)
+            return self._skip(data, start, in_step=self._in_step)
+        elif end < len(data) and data[end] not in (MAGIC_V1, MAGIC_V2):
+            return self._skip(data, start, in_step=False)
+        else:
+            self.unknown += 1
+            if frame.source in self._sources:
+                self._count(frame.source, frame.sequence)
         frames.append(frame)
         self._in_step = True
         return frame_size
+
+    def _count(self, source: int, sequence: int) -> None:
+        count = self._sources.get(source)
+        if count is None:
+            self._sources[source] = SourceCount(sequence)
+        else:
+            count.count(sequence)
 
     def _skip(self, data: bytes, start: int, *, in_step: bool) -> int:
         """Count bytes up to the next possible magic byte; a frame found broken in step counts as one bad checksum."""
@@ -254,11 +249,11 @@ def decode(frame: Frame) -> Message | None:
     layout = LAYOUTS.get(frame.message_id)
     if layout is None:
         return None
-    payload = frame.payload
-    values = layout.unpack(payload if len(payload) >= layout.size else payload + _ZEROS)
-    if layout.groups:
-        values = tuple([values[group] for group in layout.groups])
-    return layout.message_type(*values)
+    message_type, unpack, padding, groups = layout
+    values = unpack(frame.payload + padding)
+    if groups:
+        return message_type(*[values[group] for group in groups])
+    return message_type(*values)
 
 
 _PYMAVLINK = dialect.MAVLink(None)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -25,13 +24,15 @@ def message_name(message_id: int) -> str:
     return MESSAGE_NAMES.get(message_id) or f"UNKNOWN_{message_id}"
 
 
-@dataclass(frozen=True, slots=True)
-class Layout:
-    """How one hot-path message lies in its payload; ``groups`` gathers array fields, and is empty if there are none."""
+class Layout(NamedTuple):
+    """How one hot-path message lies in its payload.
+
+    ``padding`` fills up a truncated payload; ``groups`` gathers array fields and is empty if there are none.
+    """
 
     message_type: Callable[..., Message]
-    size: int
     unpack: Callable[[bytes], tuple[Any, ...]]
+    padding: bytes
     groups: tuple[slice | int, ...]
 
 
@@ -49,7 +50,8 @@ def _layout(message_id: int, message_type: type[Message]) -> Layout:
         groups.append(start if length == 1 else slice(start, start + length))
         start += length
     has_arrays = any(isinstance(group, slice) for group in groups)
-    return Layout(message_type, cls.unpacker.size, cls.unpacker.unpack_from, tuple(groups) if has_arrays else ())
+    padding = bytes(cls.unpacker.size)
+    return Layout(message_type, cls.unpacker.unpack_from, padding, tuple(groups) if has_arrays else ())
 
 
 LAYOUTS: dict[int, Layout] = {

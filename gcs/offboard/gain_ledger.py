@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import msgspec
+from msgspec.structs import replace
 
 from controllers.gains import GainSet, edited, kind_of, values
 from gcs.commands import ControllerKind
@@ -12,16 +13,14 @@ from gcs.records import GainRecord
 GOOD_AFTER_S = 5.0
 
 
-@dataclass(frozen=True, slots=True)
-class LedgerEntry:
+class LedgerEntry(msgspec.Struct, frozen=True):
     """One row of the history with the gain set itself."""
 
     record: GainRecord
     gain_set: GainSet
 
 
-@dataclass(frozen=True, slots=True)
-class GainLedger:
+class GainLedger(msgspec.Struct, frozen=True):
     """All gain sets of a run, oldest first; the last entry is live. ``undo_stack`` holds indices to go back to."""
 
     entries: tuple[LedgerEntry, ...]
@@ -101,21 +100,6 @@ def steered(ledger: GainLedger, t_s: float, active: bool) -> GainLedger:
     live = len(ledger.entries) - 1
     if t_s - ledger.steering_since_s < GOOD_AFTER_S or ledger.last_good == live:
         return ledger
-    record = replace_verdict(ledger.live.record, f"Flown {GOOD_AFTER_S:.0f} s within limits")
+    record = replace(ledger.live.record, verdict=f"Flown {GOOD_AFTER_S:.0f} s within limits")
     entries = (*ledger.entries[:-1], replace(ledger.live, record=record))
     return replace(ledger, entries=entries, last_good=live)
-
-
-def replace_verdict(record: GainRecord, verdict: str) -> GainRecord:
-    """The record with another verdict."""
-    return GainRecord(
-        number=record.number,
-        utc_s=record.utc_s,
-        who=record.who,
-        why=record.why,
-        controller=record.controller,
-        name=record.name,
-        gains=record.gains,
-        changes=record.changes,
-        verdict=verdict,
-    )

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+
+import msgspec
+from msgspec.structs import replace
 
 from gcs import commands as c
 from gcs.offboard.modes import State
@@ -47,8 +50,7 @@ RULES: dict[type[c.Command], Rule] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Lease:
+class Lease(msgspec.Struct, frozen=True):
     """Who holds the controls: name and client, and when they were last heard (vehicle time)."""
 
     name: str = ""

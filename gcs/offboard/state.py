@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass, field
 from typing import Literal
 
+import msgspec
+
 from controllers.authority import VehicleScales
 from controllers.flight_controller import FlightControllerState
 from controllers.gains import GainSet
@@ -38,19 +40,17 @@ class OffboardConfig:
     gain_sets: dict[tuple[str, str], GainSet]
 
 
-@dataclass(frozen=True, slots=True)
-class Manoeuvre:
+class Manoeuvre(msgspec.Struct, frozen=True):
     """The trajectory being flown, where and when it began."""
 
-    trajectory: Trajectory = field(default_factory=Hover)
+    trajectory: Trajectory = Hover()
     start: Reference = Reference(position_ned_m=(0.0, 0.0, 0.0))
     started_s: float = 0.0
     lap: int = 0
     progress: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class OffboardState:
+class OffboardState(msgspec.Struct, frozen=True):
     """State of the offboard controller between two ticks. Times are vehicle time [s]; NaN means never."""
 
     state: State

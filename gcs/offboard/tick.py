@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import replace
 
 import msgspec
+from msgspec.structs import replace
 
 from controllers import flight_controller
 from estimators import full_state_ekf

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from estimators import full_state_ekf
 from gcs.offboard.modes import Action, Event, State, after

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from typing import Any
 
-from models.frames import Array, Geodetic, Quaternion, Vec3
+import msgspec
+from msgspec.structs import replace
+
+from models.frames import Geodetic, Quaternion, Vec3
 from models.samples import (
     ActuatorSample,
     AnySample,
@@ -24,8 +27,7 @@ _NAN3 = (math.nan, math.nan, math.nan)
 LANDED_WORDS = {0: "unknown", 1: "on ground", 2: "in air", 3: "taking off", 4: "landing"}
 
 
-@dataclass(frozen=True, slots=True)
-class VehicleView:
+class VehicleView(msgspec.Struct, frozen=True):
     """Latest of each kind; NaN or None where nothing came yet. ``armed_since_s`` is vehicle time."""
 
     heartbeat: HeartbeatSample | None = None
@@ -60,40 +62,31 @@ class VehicleView:
 
 def fold(view: VehicleView, samples: Iterable[AnySample]) -> VehicleView:
     """The view after these samples, in arrival order. Samples only an estimator cares about leave it as it is."""
+    changes: dict[str, Any] = {}
     for sample in samples:
         match sample:
             case ImuSample():
-                view = replace(view, imu=sample)
+                changes["imu"] = sample
             case AutopilotAttitudeSample():
-                view = replace(view, autopilot_ned_from_body=sample.ned_from_body)
+                changes["autopilot_ned_from_body"] = sample.ned_from_body
             case AutopilotPositionSample():
-                view = replace(
-                    view,
-                    autopilot_position_ned_m=sample.position_ned_m,
-                    autopilot_velocity_ned_m_s=sample.velocity_ned_m_s,
-                )
+                changes["autopilot_position_ned_m"] = sample.position_ned_m
+                changes["autopilot_velocity_ned_m_s"] = sample.velocity_ned_m_s
             case ActuatorSample():
-                view = replace(view, actuator_outputs=sample.outputs)
+                changes["actuator_outputs"] = sample.outputs
             case HeartbeatSample():
-                since = view.armed_since_s if sample.armed and view.armed else sample.arrival_s
-                view = replace(view, heartbeat=sample, armed_since_s=since if sample.armed else math.nan)
+                changes["heartbeat"] = sample
+                if sample.armed != view.armed:
+                    changes["armed_since_s"] = sample.arrival_s if sample.armed else math.nan
             case LandedSample():
-                view = replace(view, landed_state=sample.landed_state)
+                changes["landed_state"] = sample.landed_state
             case BatterySample():
-                view = replace(view, battery_v=sample.voltage_v, battery_remaining=sample.remaining)
+                changes["battery_v"] = sample.voltage_v
+                changes["battery_remaining"] = sample.remaining
             case OriginSample():
-                view = replace(view, origin=Geodetic(sample.latitude_rad, sample.longitude_rad, sample.height_m))
-            case HomeSample() if view.origin is None:
-                view = replace(view, origin=Geodetic(sample.latitude_rad, sample.longitude_rad, sample.height_m))
+                changes["origin"] = Geodetic(sample.latitude_rad, sample.longitude_rad, sample.height_m)
+            case HomeSample() if view.origin is None and "origin" not in changes:
+                changes["origin"] = Geodetic(sample.latitude_rad, sample.longitude_rad, sample.height_m)
             case _:
                 pass
-    return view
-
-
-def position_std_m(covariance: Array) -> Vec3:
-    """1-sigma of position from the estimate covariance [m]."""
-    return (
-        math.sqrt(max(0.0, covariance[0, 0])),
-        math.sqrt(max(0.0, covariance[1, 1])),
-        math.sqrt(max(0.0, covariance[2, 2])),
-    )
+    return replace(view, **changes) if changes else view

@@ -69,9 +69,9 @@ def test_published_steps_are_reproduced(kind: str, column: int, axis: str) -> No
 
 
 @pytest.mark.parametrize("axis", LOOPS)
-@pytest.mark.parametrize("kind", ["lqr", "pid"])
-def test_default_sets_meet_every_specification(kind: str, axis: str) -> None:
-    overshoot, rise_s = step_figures(*flown_step(load_gain_set(kind, "default"), axis), size_of(axis))
+@pytest.mark.parametrize(("kind", "name"), [("lqr", "default"), ("lqr", "damped"), ("pid", "default")])
+def test_flying_sets_meet_every_specification(kind: str, name: str, axis: str) -> None:
+    overshoot, rise_s = step_figures(*flown_step(load_gain_set(kind, name), axis), size_of(axis))
     assert overshoot <= SPECIFIED[axis][0]
     assert rise_s <= SPECIFIED[axis][1]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import re
 import time
@@ -289,3 +290,19 @@ def test_without_a_hub_commands_are_refused_and_not_kept(tmp_path_factory: pytes
         assert answer.json()["accepted"] is False
         assert "hub does not answer" in answer.json()["reason"]
         assert browser.http.get("/api/status").status_code == 503
+
+
+def test_a_restarted_hub_is_found_again(tmp_path_factory: pytest.TempPathFactory) -> None:
+    with Rig(tmp_path_factory.mktemp("again")) as rig, rig.server.operator() as browser:
+        with browser.socket("/ws/stream") as stream:
+            until(stream, of_type("hello"))
+            rig.restart_hub()
+            time_s, heard = 50.0, False
+            deadline = time.monotonic() + PATIENCE_S
+            while not heard and time.monotonic() < deadline:
+                time_s += 1.0
+                rig.hub.bus.publish_signals(frame(time_s).tobytes())
+                with contextlib.suppress(TimeoutError):
+                    heard = isinstance(stream.recv(timeout=0.2), bytes)
+            assert heard
+        assert browser.post("/api/commands", {"type": "hold"}).json()["accepted"] is True

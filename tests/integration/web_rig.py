@@ -177,6 +177,11 @@ class Rig:
         self.server = Server(match[1], self._runtime.login_url, self._process)
         return self
 
+    def restart_hub(self) -> None:
+        """The hub goes and comes back on the same socket."""
+        self.hub.bus.close()
+        self.hub = Hub(open_router(self._runtime.zenoh_socket))
+
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:

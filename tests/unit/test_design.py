@@ -104,6 +104,20 @@ def test_default_set_meets_every_step_specification() -> None:
     assert [(w.loop, w.quantity) for w in missed] == [("height", "rise")]
 
 
+def test_damped_set_is_what_it_says() -> None:
+    """The slowly ringing pair of the published weights (damping .13) is gone, and every margin is near its limit."""
+    damped, default = (predict(load_gain_set("lqr", name), PARAMETERS) for name in ("damped", "default"))
+    assert min(pole.damping for pole in default.poles) < 0.14
+    assert min(pole.damping for pole in damped.poles) > 0.4
+    for loop in damped.loops:
+        assert loop.phase_margin_deg is not None
+        assert loop.phase_margin_deg > 25.0
+        assert loop.gain_margin_db is not None
+        assert loop.gain_margin_db > 6.0
+        assert loop.delay_margin_s is not None
+        assert loop.delay_margin_s > 0.040
+
+
 def test_warnings_are_worded_with_number_and_limit() -> None:
     texts = [warning.text for warning in predict(PUBLISHED, PARAMETERS).warnings]
     assert "Height rise 1.59 s, limit 1.5 s." in texts

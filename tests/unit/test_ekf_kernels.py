@@ -98,8 +98,8 @@ def test_transition_matches_finite_differences_and_its_twin() -> None:
     dt_s = 2e-3
     phi = np.empty((9, 15))
     model.transition_rows(x, IMU, dt_s, phi)
-    r = rotation_from_quaternion(x[6:10])
     w, a = IMU[:3] - x[10:13], IMU[3:] - x[13:16]
+    r = rotation_from_quaternion(product(x[6:10], quaternion_from_rotation_vector(0.5 * dt_s * w)))
     dynamics = np.zeros((15, 15))
     dynamics[0:3, 3:6] = np.eye(3)
     dynamics[3:6, 6:9] = -r @ skew(a)
