@@ -222,6 +222,7 @@ def step(
     it is the same). With ``tilt_reference_rad`` (roll, pitch) the horizontal loop is bypassed, and taken up again
     without a jump when it is left out. Integrals that would push further into saturation are frozen, loop by loop.
     """
+    outer = tilt_reference_rad is None
     x = _inputs(law, estimate, reference, state.yaw_rad)
     elapsed_s = min(max(estimate.time_s - state.time_s, 0.0), LONGEST_STEP_S)
     anchor, anchor_yaw_rad = _advanced_anchor(state, elapsed_s)
@@ -242,23 +243,17 @@ def step(
     force_n = _force_direct(law, x, anchor) + height_integral
     wanted = np.empty(4)
     wanted[0] = force_n / _tilt_cosine(law, x)
-    wanted[1:] = _torque_direct(law, x, anchor_yaw_rad, tilt, tilt_reference_rad is None) + attitude_integral
+    wanted[1:] = _torque_direct(law, x, anchor_yaw_rad, tilt, outer) + attitude_integral
     given = np.empty(4)
     cut = achievable(wanted, law.vehicle.mixer, given)
-
-    command = Command(
-        (float(tilt[0]), float(tilt[1])), float(wanted[0]), (float(wanted[1]), float(wanted[2]), float(wanted[3]))
-    )
-    lost = wanted - given
-    push = _horizontal_push(law, x) if tilt_reference_rad is None else np.zeros(2)
-    if (tilt_scale < 1.0 or cut & TILT_TORQUE_CUT) and float(push @ wanted_tilt) > 0.0:
-        push = np.zeros(2)
+    command, lost = _command(tilt, wanted), wanted - given
+    tilt_limited = tilt_scale < 1.0 or bool(cut & TILT_TORQUE_CUT)
     next_state = CascadeState(
         time_s=estimate.time_s,
         horizontal_integral_ned_m_s2=horizontal_integral,
         height_integral_n=height_integral,
         attitude_integral_n_m=attitude_integral,
-        horizontal_integral_rate=acceleration_of(x.yaw_rad, push),
+        horizontal_integral_rate=_horizontal_rate(law, x, wanted_tilt, tilt_limited) if outer else np.zeros(2),
         height_integral_rate=_height_rate(law, x, float(lost[0])),
         attitude_integral_rate=_attitude_rate(law, x, tilt, lost[1:]),
         anchor_ned_m=anchor,
@@ -267,10 +262,16 @@ def step(
         anchor_yaw_rad=anchor_yaw_rad,
         anchor_yaw_rate_rad_s=x.yaw_rate_ff,
         yaw_rad=x.yaw_rad,
-        outer_active=tilt_reference_rad is None,
+        outer_active=outer,
         command=command,
     )
     return next_state, _ladder(law, x, reference, command, saturated=tilt_scale < 1.0 or cut != 0)
+
+
+def _command(tilt_rad: Array, thrust_and_torque: Array) -> Command:
+    roll, pitch = tilt_rad.tolist()
+    thrust_n, x, y, z = thrust_and_torque.tolist()
+    return Command((roll, pitch), thrust_n, (x, y, z))
 
 
 def _advanced_anchor(state: CascadeState, elapsed_s: float) -> tuple[Array, float]:
@@ -281,11 +282,13 @@ def _advanced_anchor(state: CascadeState, elapsed_s: float) -> tuple[Array, floa
     return anchor, state.anchor_yaw_rad + elapsed_s * state.anchor_yaw_rate_rad_s
 
 
-def _horizontal_push(law: CascadeLaw, x: _Inputs) -> Array:
-    """Rate of the horizontal integral as tilt (2,) [rad/s], before anti-windup."""
+def _horizontal_rate(law: CascadeLaw, x: _Inputs, wanted_tilt: Array, limited: bool) -> Array:
+    """Rate of the horizontal integral (2,) [m/s^3], 0 while it would push further into a limited tilt."""
     error = turned(x.yaw_rad - law.vehicle.model_yaw_rad, x.position_reference - x.position)
     push: Array = law.gains.horizontal_ki @ error
-    return push
+    if limited and float(push @ wanted_tilt) > 0.0:
+        return np.zeros(2)
+    return acceleration_of(x.yaw_rad, push)
 
 
 def _height_rate(law: CascadeLaw, x: _Inputs, lost_n: float) -> float:

@@ -33,6 +33,8 @@ SIGNAL_PERIOD_S = 0.02
 STATUS_PERIOD_S = 0.4
 RECORDING_PERIOD_S = 1.0
 FLIGHT_SILENT_S = 2.0
+# Before the first frame the flight process has its kernels to load, on a busy machine slowly.
+FLIGHT_START_S = 30.0
 BACKLOG_S = 120.0
 BACKLOG_FRAMES = 3000
 BACKLOG_EVENTS = 500
@@ -147,7 +149,7 @@ class Hub:
         self._bus: Bus = open_router(runtime.zenoh_socket)
         self._newest: TickFrame | None = None
         self._t_s = float("nan")
-        self._heard_s = time.monotonic()
+        self._heard_s = time.monotonic() + FLIGHT_START_S - FLIGHT_SILENT_S
         self._silent = False
         self._signals_due_s = self._status_due_s = self._recording_due_s = 0.0
         self._bus.serve_commands(self._desk.ask)

@@ -200,12 +200,14 @@ def run_station(options: UpOptions) -> None:
     runtime = open_runtime(options.runtime)
     lock = hold_lock(runtime)
     try:
+        runtime.login_url.unlink(missing_ok=True)
         plan = plan_station(options, runtime)
         print(f"rotorlab: {plan.summary}", flush=True)
         with (runtime.folder / "station.log").open("w", encoding="utf-8") as log:
             console = Console(log, browser=options.browser and has_display(), report=_reporter(runtime))
             asyncio.run(_supervise(plan, console))
     finally:
+        runtime.login_url.unlink(missing_ok=True)
         os.close(lock)
 
 

@@ -56,8 +56,9 @@ class UdpLink:
         self._peer: tuple[str, int] | None = None
         try:
             if self._fixed:
-                self._peer = (socket.gethostbyname(host), port)
-                self.socket.bind(("", 0))
+                address = socket.gethostbyname(host)
+                self._peer = (address, port)
+                self.socket.bind(("127.0.0.1" if address.startswith("127.") else "", 0))
             else:
                 self.socket.bind((host, port))
         except OSError as error:

@@ -23,6 +23,7 @@ UNIX_START_US = 1_767_225_600_000_000  # 2026-01-01: a fixed date keeps a seed's
 # Present, enabled and healthy: gyro, accel, magnetometer, pressure, all control loops, motors, AHRS, battery.
 _HEALTH = 0b1111 | 0b111111 << 10 | 1 << 21 | 1 << 25 | 1 << 28
 _HEALTH_GNSS, _HEALTH_VISION, _HEALTH_RANGE = 1 << 5, 1 << 7, 1 << 8
+_HEALTH_FENCE = 1 << 20  # there is none, so none is breached; MAVProxy looks at this bit alone
 _QUADROTOR, _PX4 = 2, 12
 _UNKNOWN_COVARIANCE = (math.nan, *[0.0] * 20)
 
@@ -222,7 +223,7 @@ class Telemetry:
             millivolts, centiamps = round(1000.0 * battery.voltage_v), round(100.0 * battery.current_a)
             percent = round(100.0 * battery.remaining)
         return SYS_STATUS.pack(
-            *(present, present, present, 200, millivolts, centiamps, 0, 0, 0, 0, 0, 0, percent, 0, 0, 0)
+            *(present, present, present | _HEALTH_FENCE, 200, millivolts, centiamps, 0, 0, 0, 0, 0, 0, percent, 0, 0, 0)
         )
 
     def extended_sys_state(self, _: ImuCursor) -> bytes:

@@ -11,7 +11,7 @@ _SUMMARY = "run.json"
 
 
 def list_runs(folder: Path) -> list[dict[str, Any]]:
-    """Run folders, newest first: name, size and what ``run.json`` says, which may be nothing if it is damaged."""
+    """Run folders, newest first: name, size and the plain facts of ``run.json``, none if it is damaged."""
     if not folder.is_dir():
         return []
     runs = [path for path in folder.iterdir() if (path / _SUMMARY).is_file()]
@@ -24,4 +24,5 @@ def _describe(path: Path) -> dict[str, Any]:
         summary = msgspec.json.decode((path / _SUMMARY).read_bytes(), type=dict[str, Any])
     except (OSError, msgspec.DecodeError):
         summary = {}
-    return {"name": path.name, "bytes": size_bytes, "summary": summary}
+    facts = {key: value for key, value in summary.items() if not isinstance(value, dict | list)}
+    return {"name": path.name, "bytes": size_bytes, "summary": facts}

@@ -21,7 +21,7 @@ from gcs.recording_inputs import read_inputs
 from gcs.records import ActionRequest, ActionResult, Event, GainRecord
 from gcs.runtime import Runtime
 from gcs.signals import FRAME_SIZE, SLICES
-from tests.integration.station_rig import (
+from tests.station_rig import (
     ImitatedFlight,
     flight_start,
     running,
@@ -174,7 +174,7 @@ def test_no_flight_process_means_refused_at_once(bus: Bus, runtime: Runtime) -> 
 
 
 def test_nonsense_on_the_bus_is_refused_with_the_reason(bus: Bus, flight: ImitatedFlight) -> None:
-    with pytest.raises(BusError, match="not understood: .*missing required field"):
+    with pytest.raises(BusError, match=r"not understood: .*missing required field"):
         bus._ask(Topic.COMMAND, b"{}", msgspec.json.decode, 2.0)
     bad = msgspec.json.encode(
         {"number": 1, "identity": ME, "utc_s": 0.0, "command": {"type": "take_off", "height_m": 900}}
@@ -231,7 +231,7 @@ def test_a_killed_hub_loses_at_most_what_was_not_flushed_and_goes_on(runtime: Ru
             flight.send(tick_frame(sequence))
         assert stop_process(again) == 0
     flight.close()
-    assert [path for path in runs.iterdir()] == [folder]
+    assert list(runs.iterdir()) == [folder]
     info = read_run(folder)
     sequences = [record.sequence for record in read_inputs(folder / "inputs.mpk")]
     assert sequences[-1] == 399 and sequences == sorted(set(sequences))

@@ -93,6 +93,8 @@ async def until(stream: AsyncIterator[Any], condition: Callable[[Any], bool], ti
 async def flying(client: Client) -> None:
     telemetry = client.telemetry
     await until(telemetry.subscribe_health_all_ok(), bool)
+    # A busy machine may hold MAVSDK up for longer than the half second of vehicle time; not what is tested here.
+    await client.param.set_param_float("COM_OF_LOSS_T", 10.0)
     await client.action.arm()
     await client.action.takeoff()
     await until(telemetry.subscribe_flight_mode(), lambda mode: mode == FlightMode.HOLD)

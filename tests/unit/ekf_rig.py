@@ -1,6 +1,7 @@
 """A vehicle on a known path with honest sensors, for the filter's tests: exact kinematics, seeded noise, no dynamics.
 
-Position and Euler angles are sums of sines, so velocity, acceleration and body rates are exact at any time.
+Position is a sum of sines, so velocity and acceleration are exact at any time. An IMU sample is the mean over its
+interval: the turn between both ends over its length, and the specific force by Simpson's rule.
 """
 
 from __future__ import annotations
@@ -62,18 +63,6 @@ class Path:
         a, w = np.array(self.amplitude_rad), np.array(self.angular_frequency_rad_s)
         return quaternion_from_euler(*(a * np.sin(w * t)).tolist())
 
-    def rates(self, t: float) -> Array:
-        a, w = np.array(self.amplitude_rad), np.array(self.angular_frequency_rad_s)
-        roll, pitch, _ = a * np.sin(w * t)
-        roll_rate, pitch_rate, yaw_rate = a * w * np.cos(w * t)
-        return np.array(
-            [
-                roll_rate - yaw_rate * math.sin(pitch),
-                pitch_rate * math.cos(roll) + yaw_rate * math.sin(roll) * math.cos(pitch),
-                -pitch_rate * math.sin(roll) + yaw_rate * math.cos(roll) * math.cos(pitch),
-            ]
-        )
-
     def force(self, t: float) -> Array:
         r = rotation_from_quaternion(self.quaternion(t))
         return r.T @ (self.acceleration(t) - np.array([0.0, 0.0, GRAVITY_M_S2]))
@@ -83,26 +72,23 @@ class Path:
 class QuadrotorPath(Path):
     """As a quadrotor flies it in still air: thrust along body z and linear drag are all that its accelerometer feels.
 
-    The attitude follows from the acceleration; its rates are central differences of it.
+    The attitude follows from acceleration and velocity.
     """
 
     drag_1_s: float = 0.235
 
     def quaternion(self, t: float) -> Array:
-        up = -(self.acceleration(t) - np.array([0.0, 0.0, GRAVITY_M_S2]) + self.drag_1_s * self.velocity(t))
-        z = -up / np.linalg.norm(up)
+        ax, ay, az = self.acceleration(t).tolist()
+        vx, vy, vz = self.velocity(t).tolist()
+        k = self.drag_1_s
+        zx, zy, zz = -(ax + k * vx), -(ay + k * vy), -(az + k * vz - GRAVITY_M_S2)
+        norm = math.sqrt(zx * zx + zy * zy + zz * zz)
+        zx, zy, zz = zx / norm, zy / norm, zz / norm
         yaw = self.amplitude_rad[2] * math.sin(self.angular_frequency_rad_s[2] * t)
-        y = np.cross(z, np.array([math.cos(yaw), math.sin(yaw), 0.0]))
-        y /= np.linalg.norm(y)
-        x = np.cross(y, z)
-        pitch = -math.asin(x[2])
-        return quaternion_from_euler(math.atan2(y[2], z[2]), pitch, math.atan2(x[1], x[0]))
-
-    def rates(self, t: float) -> Array:
-        h = 1e-4
-        before, after = self.quaternion(t - h), self.quaternion(t + h)
-        turn = product(before * np.array([1.0, -1.0, -1.0, -1.0]), after)
-        return math.copysign(1.0, turn[0]) * turn[1:] / h
+        # Body z in the frame turned by the yaw: its lean forward is the pitch, its lean sideways the roll.
+        forward = math.cos(yaw) * zx + math.sin(yaw) * zy
+        right = -math.sin(yaw) * zx + math.cos(yaw) * zy
+        return quaternion_from_euler(math.asin(-right), math.atan2(forward, zz), yaw)
 
 
 REST = Path(amplitude_m=ZERO, amplitude_rad=ZERO)
@@ -136,6 +122,7 @@ class Rig:
     def __post_init__(self) -> None:
         self.rng = np.random.default_rng(self.seed)
         self.count = 0
+        self.last = (self.path.quaternion(self.time_s), self.path.force(self.time_s))
 
     @property
     def time_s(self) -> float:
@@ -153,9 +140,13 @@ class Rig:
         normal = self.rng.standard_normal
         self.gyro_bias = self.gyro_bias + self.gyro_walk * math.sqrt(dt) * normal(3)
         self.accel_bias = self.accel_bias + self.accel_walk * math.sqrt(dt) * normal(3)
-        begin, middle = t - dt, t - 0.5 * dt
-        rates = (self.path.rates(begin) + 4.0 * self.path.rates(middle) + self.path.rates(t)) / 6.0
-        force = (self.path.force(begin) + 4.0 * self.path.force(middle) + self.path.force(t)) / 6.0
+        q, force_now = self.path.quaternion(t), self.path.force(t)
+        turn = product(self.last[0] * np.array([1.0, -1.0, -1.0, -1.0]), q)
+        half_sine = math.sqrt(float(turn[1:] @ turn[1:]))
+        angle = 2.0 * math.atan2(half_sine, abs(turn[0]))
+        rates = math.copysign(angle / (half_sine * dt) if half_sine > 1e-12 else 2.0 / dt, turn[0]) * turn[1:]
+        force = (self.last[1] + 4.0 * self.path.force(t - 0.5 * dt) + force_now) / 6.0
+        self.last = (q, force_now)
         gyro = rates + self.gyro_bias + self.gyro_noise / math.sqrt(dt) * normal(3)
         accel = force + self.accel_bias + self.accel_noise / math.sqrt(dt) * normal(3)
         samples: list[AnySample] = [
@@ -236,10 +227,16 @@ class Rig:
 
 
 def product(a: Array, b: Array) -> Array:
-    """Hamilton product, written out with vectors."""
-    scalar = a[0] * b[0] - a[1:] @ b[1:]
-    vector = a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:])
-    return np.concatenate([[scalar], vector])
+    """Hamilton product, written out."""
+    (aw, ax, ay, az), (bw, bx, by, bz) = a.tolist(), b.tolist()
+    return np.array(
+        [
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + bw * ax + ay * bz - az * by,
+            aw * by + bw * ay + az * bx - ax * bz,
+            aw * bz + bw * az + ax * by - ay * bx,
+        ]
+    )
 
 
 def _vec(values: Array) -> Vec3:

@@ -136,7 +136,10 @@ def test_predicted_jump_of_a_bumpless_change_is_nothing() -> None:
 
 def test_runs_are_listed_newest_first_even_when_one_is_damaged(tmp_path: Path) -> None:
     assert list_runs(tmp_path / "none") == []
-    for name, summary in (("20260101T000000Z-a", '{"vehicle": "a"}'), ("20260102T000000Z-b", '{"vehi')):
+    for name, summary in (
+        ("20260101T000000Z-a", '{"vehicle": "a", "limits": {}}'),
+        ("20260102T000000Z-b", '{"vehi'),
+    ):
         (tmp_path / name).mkdir()
         (tmp_path / name / "run.json").write_text(summary)
     (tmp_path / "something else").mkdir()

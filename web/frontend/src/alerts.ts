@@ -61,7 +61,12 @@ export function conditions(s: State, nowMs: number): Alert[] {
   const utc_s = Date.now() / 1000;
   const add = (level: Level, text: string): void => void alerts.push({ level, text, utc_s, id: null });
   if (s.station === "lost") add("warning", "No connection to the station. Nothing you press is sent.");
-  if (!status || s.station === "lost") return alerts;
+  if (s.station === "lost") return alerts;
+  if (!status) {
+    if (s.station === "live" && nowMs - s.stationLiveMs > STATUS_S * 1000) add("warning", "No word from the flight process. Look at the output of gcs up.");
+    return alerts;
+  }
+  if (status.recording_state === "stopped") add("caution", `Recording stopped: ${status.recording_reason ?? ""}`);
   const silence = linkSilenceS(s, nowMs);
   if (status.link_state === "lost") add("warning", `Link lost ${silence.toFixed(1)} s. Vehicle holds by failsafe.`);
   else if (status.link_state === "silent") add("caution", `No messages for ${silence.toFixed(1)} s.`);
@@ -82,6 +87,11 @@ export function openAlerts(s: State, nowMs: number): Alert[] {
   const events = s.events.filter((event) => isOpen(event, nowMs));
   const all: Alert[] = [...conditions(s, nowMs), ...events];
   return all.sort((a, b) => LEVEL_ORDER[a.level] - LEVEL_ORDER[b.level] || b.utc_s - a.utc_s);
+}
+
+// Advisories are told, not open: they need nothing of anybody.
+export function openCount(s: State, nowMs: number): number {
+  return openAlerts(s, nowMs).filter((alert) => alert.level !== "advisory").length;
 }
 
 export function acknowledge(id?: number): void {

@@ -2,7 +2,7 @@
 
 import type { JSX } from "preact";
 import { hold, land, lastGoodGains, toggleControls } from "./actions";
-import { acknowledge, openAlerts } from "./alerts";
+import { acknowledge, openAlerts, openCount } from "./alerts";
 import { Key, Mark } from "./controls";
 import { clock } from "./format";
 import { useClock } from "./frame_loop";
@@ -13,7 +13,7 @@ function Notice(): JSX.Element {
   const s = state;
   const open = openAlerts(s, now);
   const today = s.events.length;
-  const count = <span class="count">{open.length} open, {today} logged</span>;
+  const count = <span class="count">{openCount(s, now)} open, {today} logged</span>;
   if (s.notice && s.notice.untilMs > now && s.station !== "lost") {
     return (
       <div class={`notice ${s.notice.level}`} data-testid="bar-notice" role="status">
@@ -22,13 +22,13 @@ function Notice(): JSX.Element {
     );
   }
   const top = open[0];
-  if (!top) return <div class="notice" data-testid="bar-notice" role="status"><span class="count">No open alerts, {today} logged</span></div>;
+  if (!top) return <div class="notice" data-testid="bar-notice" role="status"><span class="count">0 open, {today} logged</span></div>;
   return (
     <div class={`notice ${top.level}`} data-testid="bar-notice" role={top.level === "warning" ? "alert" : "status"}>
       <Mark level={top.level} />
       <span class="when">{clock(top.utc_s)}</span>
       <span class="text">{top.text}</span>
-      {top.id !== null && <Key testid="bar-acknowledge" onAct={() => acknowledge()}><span>Acknowledge</span><kbd>A</kbd></Key>}
+      {top.id !== null && top.level !== "advisory" && <Key testid="bar-acknowledge" onAct={() => acknowledge()}><span>Acknowledge</span><kbd>A</kbd></Key>}
       {count}
     </div>
   );

@@ -80,9 +80,11 @@ export interface Status {
   ticks: number;
   dropped_frames: number;
   tick_p99_us: number;
-  recording_bytes?: number;
-  recording_s?: number;
+  // Added by the hub: name of the run being recorded (it begins with its UTC start), and how that goes.
   recording?: string;
+  recording_state?: "off" | "waiting" | "recording" | "stopped";
+  recording_bytes?: number;
+  recording_reason?: string;
 }
 
 export interface Hello {

@@ -24,6 +24,7 @@ export interface State {
   session: Session | null;
   station: "connecting" | "live" | "lost";
   stationLostMs: number;
+  stationLiveMs: number;
   status: Status | null;
   statusMs: number;
   events: LoggedEvent[];
@@ -46,6 +47,7 @@ export let state: State = {
   session: null,
   station: "connecting",
   stationLostMs: 0,
+  stationLiveMs: 0,
   status: null,
   statusMs: 0,
   events: [],

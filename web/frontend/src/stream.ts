@@ -23,7 +23,7 @@ function read(text: string): void {
   switch (message.type) {
     case "hello":
       ring.layout(message.signals, message.frame_size);
-      update({ station: "live", watchers: message.watchers, ...(message.status ? { status: message.status, statusMs: performance.now() } : {}) });
+      update({ station: "live", stationLiveMs: performance.now(), watchers: message.watchers, ...(message.status ? { status: message.status, statusMs: performance.now() } : {}) });
       seedEvents(message.events);
       break;
     case "status":

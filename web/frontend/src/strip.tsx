@@ -67,7 +67,7 @@ function EstimatorCell({ s, now }: { s: State; now: number }): JSX.Element {
   const name = s.status?.estimator || "–";
   return (
     <Cell name="estimator" label="Estimator" tone={isStale(now) ? "stale" : ""} view="estimate">
-      {name} <i><span class="wide">NIS {fixed(ring.value("estimate.nis"), 2)}</span></i>
+      {name} {s.status && <i class="wide">NIS {fixed(ring.value("estimate.nis"), 2)}</i>}
     </Cell>
   );
 }
@@ -87,19 +87,30 @@ function BatteryCell({ s, now }: { s: State; now: number }): JSX.Element {
   const tone: Tone = charge !== null && charge >= 0 && charge < 0.1 ? "warning" : charge !== null && charge >= 0 && charge < 0.2 ? "caution" : "";
   return (
     <Cell name="battery" label="Battery" tone={tone || (isStale(now) ? "stale" : "")} view="fly">
-      {fixed(s.status?.battery_v, 2)} V <i>{charge === null || charge < 0 ? "–" : fixed(charge * 100, 0)} %</i>
+      {s.status && s.status.battery_v !== null ? <>{fixed(s.status.battery_v, 2)} V <i>{charge === null || charge < 0 ? "" : `${fixed(charge * 100, 0)} %`}</i></> : "–"}
     </Cell>
   );
 }
 
-function RecordingCell({ s }: { s: State }): JSX.Element {
+// A run is named after its start: 20260102T030405Z-name.
+function startedUtcS(run: string): number {
+  const parts = /^(\d{4})(\d\d)(\d\d)T(\d\d)(\d\d)(\d\d)Z/.exec(run)?.slice(1).map(Number);
+  if (!parts) return NaN;
+  const [year = 0, month = 1, day = 1, hour = 0, minute = 0, second = 0] = parts;
+  return Date.UTC(year, month - 1, day, hour, minute, second) / 1000;
+}
+
+function RecordingCell({ s, now }: { s: State; now: number }): JSX.Element {
   const status = s.status;
-  const bytes = status?.recording_bytes;
-  if (!status || status.recording === "") return <Cell name="recording" label="Recording" view="runs">Off</Cell>;
+  const word = status?.recording_state ?? "off";
+  if (!status || word !== "recording") {
+    const text = { off: "Off", waiting: "Waiting", stopped: "Stopped", recording: "" }[word];
+    return <Cell name="recording" label="Recording" tone={word === "stopped" ? "caution" : ""} view="runs">{text}</Cell>;
+  }
   return (
     <Cell name="recording" label="Recording" view="runs">
       <svg class="dot" viewBox="0 0 10 10" width="9" height="9" aria-hidden="true"><circle cx="5" cy="5" r="4.5" fill="currentColor" /></svg>{" "}
-      {status.recording_s === undefined ? "On" : minutes(status.recording_s)} {bytes !== undefined && <i class="wide">{megabytes(bytes)}</i>}
+      {minutes(utcNow(s, now) - startedUtcS(status.recording ?? ""))} <i class="wide">{megabytes(status.recording_bytes ?? 0)}</i>
     </Cell>
   );
 }
@@ -137,7 +148,7 @@ export function Strip(): JSX.Element {
       <ControlsCell s={s} />
       <BatteryCell s={s} now={now} />
       <Cell name="time" label="UTC, flight" view="runs">{clock(utcNow(s, now))} <i>{status ? minutes(status.flight_time_s) : "–"}</i></Cell>
-      <RecordingCell s={s} />
+      <RecordingCell s={s} now={now} />
       <p class="unseen" aria-live="polite">{announcement(s)}</p>
     </header>
   );

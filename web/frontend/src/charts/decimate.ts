@@ -18,6 +18,8 @@ export interface Drawn {
 }
 
 const GAP_PERIODS = 3;
+// The hub thins ticks by the clock, so neighbours may be a few ticks apart without anything being lost.
+const SHORTEST_GAP_S = 0.1;
 const RATE_SAMPLES = 15;
 const DENSE = 2;
 
@@ -81,7 +83,7 @@ export function decimate(ring: SignalRing, readers: Reader[], fromS: number, toS
   for (let i = first; i <= last; i++) {
     const t = ring.at(0, i);
     const stepS = i > first ? t - ring.at(0, i - 1) : usualS;
-    if (stepS > GAP_PERIODS * usualS + 1e-6) {
+    if (stepS > Math.max(SHORTEST_GAP_S, GAP_PERIODS * usualS)) {
       column.flush(drawn, startS, widthS);
       drawn.gaps.push({ fromS: t - stepS - originS, toS: t - originS });
       drawn.x.push(t - stepS / 2 - originS);

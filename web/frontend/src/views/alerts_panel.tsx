@@ -1,7 +1,7 @@
 // The event log: newest first, repeats collapsed, cleared alerts keep their shape and lose their colour.
 
 import type { JSX } from "preact";
-import { isOpen, openAlerts } from "../alerts";
+import { isOpen, openCount } from "../alerts";
 import { Key, Mark } from "../controls";
 import { clock } from "../format";
 import { useClock } from "../frame_loop";
@@ -26,7 +26,7 @@ export function EventRows({ events, now }: { events: LoggedEvent[]; now: number 
             <Mark level={event.level} cleared={!open} />
             <time>{clock(event.utc_s)}</time>
             <span class="text" title={`${event.source}${event.who ? `, ${event.who}` : ""}`}>
-              {event.text}{event.who && <span class="who"> {event.who}</span>}{event.count > 1 && ` (${event.count} times)`}
+              {event.text}{event.who && !event.text.includes(event.who) && <span class="who"> {event.who}</span>}{event.count > 1 && ` (${event.count} times)`}
             </span>
             <span class="level">{label(event, open)}</span>
           </li>
@@ -60,7 +60,7 @@ export function AlertsPanel(): JSX.Element {
     <section class="panel alerts">
       <header class="head">
         <h2>Alerts</h2>
-        <span class="right">{openAlerts(state, now).length} open, {state.events.length} logged <SoundKey /></span>
+        <span class="right">{openCount(state, now)} open, {state.events.length} logged <SoundKey /></span>
       </header>
       <AlertsBody />
     </section>

@@ -2,7 +2,7 @@
 
 import type { JSX } from "preact";
 import { useEffect, useState } from "preact/hooks";
-import { openAlerts } from "../alerts";
+import { openCount } from "../alerts";
 import { Chart } from "../charts/live_chart";
 import { useClock } from "../frame_loop";
 import { state } from "../store";
@@ -35,7 +35,7 @@ const TAB_NAMES: Record<Tab, string> = { state: "State", manoeuvre: "Manoeuvre",
 
 function OpenCount(): JSX.Element | null {
   const now = useClock(1000);
-  const open = openAlerts(state, now).length;
+  const open = openCount(state, now);
   return open > 0 ? <span class="count"> {open}</span> : null;
 }
 

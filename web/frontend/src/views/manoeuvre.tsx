@@ -42,7 +42,7 @@ export function ManoeuvreProgress(): JSX.Element {
         <Figure label="Lap" value={lap === null ? "–" : String(lap)} />
         <Figure label={`Error RMS, ${RMS_S} s`} value={fixed(positionRms(), 2)} unit="m" />
         <Figure label="Done" value={progress === null ? "endless" : fixed(progress * 100, 0)} unit={progress === null ? "" : "%"} />
-        <Figure label="Left" value={left === null ? "endless" : left < 100 ? fixed(left, 0) : minutes(left)} unit={left !== null && left < 100 ? "s" : ""} />
+        <Figure label="Left" value={left === null ? "–" : left < 100 ? fixed(left, 0) : minutes(left)} unit={left !== null && left < 100 ? "s" : ""} />
       </div>
       <svg class="progress" width="100%" height="3" aria-hidden="true"><rect class="track" width="100%" height="3" /><rect class="done" width={`${(progress ?? 0) * 100}%`} height="3" /></svg>
     </div>

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from gcs.commands import Answer, Request
 from gcs.records import Event, FlightMessage, FlightStart, Packet, Status, TickFrame, TickInputs, TrajectoryStatus
@@ -22,8 +23,8 @@ from gcs.runtime import Runtime, open_runtime
 from gcs.signals import FRAME_SIZE, SLICES
 from models.samples import ImuSample
 
-ROOT = Path(__file__).parents[2]
-HEARTBEAT_PACKET = bytes.fromhex("fd09000000010100000000000000020c5104036a2b")
+ROOT = Path(__file__).parents[1]
+HEARTBEAT_PACKET = bytes(mavlink.MAVLink_heartbeat_message(2, 12, 81, 0, 4, 3).pack(mavlink.MAVLink(None, 1, 1)))
 
 
 def tick_frame(sequence: int, *, session: str = "life-1", utc_s: float | None = None, **changes: object) -> TickFrame:
