@@ -44,13 +44,14 @@ while True:
 MAVSDK_LOOP = """
 import asyncio, sys
 from mavsdk.asyncio import Mavsdk, Configuration, ComponentType
-from mavsdk.asyncio.plugins.offboard import Attitude, Offboard
-from mavsdk.asyncio.plugins.telemetry import Telemetry
+from mavsdk.asyncio.plugins.offboard import OffboardAsync
+from mavsdk.asyncio.plugins.telemetry import TelemetryAsync
+from mavsdk.plugins.offboard import Attitude
 async def main():
     mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
     await mavsdk.add_any_connection(f"udpin://127.0.0.1:{sys.argv[1]}")
     system = await mavsdk.first_autopilot(timeout_s=20)
-    telemetry, offboard = Telemetry(system), Offboard(system)
+    telemetry, offboard = TelemetryAsync(system), OffboardAsync(system)
     async for _ in telemetry.subscribe_imu():
         await offboard.set_attitude(Attitude(roll_deg=0.0, pitch_deg=0.0, yaw_deg=0.0, thrust_value=0.45))
 asyncio.run(main())

@@ -50,7 +50,7 @@ REST_ACCEL_M_S2 = 0.5
 REST_RATE_RAD_S = 0.1
 
 
-def fuse(state: EkfState, source: str, time_s: float, arrival_s: float, rows: int) -> Innovation:
+def fuse(state: EkfState, source: str, time_s: float, rows: int) -> Innovation:
     """Gate and fuse the rows now in the state's scratch arrays; record the outcome, whichever it is."""
     threshold = float(state.thresholds[rows])
     accepted = joseph_update(
@@ -76,7 +76,7 @@ def fuse(state: EkfState, source: str, time_s: float, arrival_s: float, rows: in
     health = state.source(source)
     if accepted:
         inject(state.nominal, state.covariance, state.correction)
-        health.accepted_arrival_s = max(health.accepted_arrival_s, arrival_s)
+        health.accepted = True
         health.rejected_since_s = math.nan
     elif math.isnan(health.rejected_since_s):
         health.rejected_since_s = time_s
@@ -86,16 +86,16 @@ def fuse(state: EkfState, source: str, time_s: float, arrival_s: float, rows: in
 
 
 def source_alive(state: EkfState, source: str, params: EkfParameters) -> bool:
-    """Whether a source was heard, and accepted, within its silence limit, max(.1 s, 3 x its measured interval).
-
-    What has been heard waits for the horizon before it can be accepted, so acceptance is given that much longer.
-    """
+    """Whether a source is heard and believed: neither silent nor rejected for max(.1 s, 3 x its measured interval)."""
     health = state.health.get(source)
-    if health is None:
+    if health is None or not health.accepted:
         return False
-    limit_s, waiting_s = health.silence_limit_s(params), state.newest_s - state.time_s
-    heard = state.newest_arrival_s - health.heard_arrival_s <= limit_s
-    return heard and state.newest_arrival_s - health.accepted_arrival_s <= limit_s + waiting_s
+    limit_s = health.silence_limit_s(params)
+    # A comparison with NaN is false: not rejected.
+    return (
+        state.newest_arrival_s - health.heard_arrival_s <= limit_s
+        and not state.time_s - health.rejected_since_s > limit_s
+    )
 
 
 def stuck(state: EkfState, source: str, time_s: float, params: EkfParameters) -> bool:
@@ -155,7 +155,7 @@ def fuse_pose(state: EkfState, sample: PoseSample, nominal: Array, params: EkfPa
         heading_row(nominal, yaw, 3, state.innovation, state.jacobian)
         state.variance[3] = params.pose_yaw_std_rad**2
         rows = 4
-    outcome = fuse(state, "pose", stamp, sample.arrival_s, rows)
+    outcome = fuse(state, "pose", stamp, rows)
     _open_biases(state, outcome, rows, params)
     if not outcome.accepted and stuck(state, "pose", stamp, params):
         reset_position(state, "pose", stamp, "rejected for long", position, (std, std, std), None, 0.0)
@@ -206,27 +206,27 @@ def fuse_gnss(state: EkfState, sample: GnssSample, nominal: Array, params: EkfPa
         reset_position(state, "gnss_position", stamp, "first fix", position, std, velocity, max(speed_std, 0.3))
         state.nominal[GNSS_DELAY] = 0.0
         reset_block(state.covariance, ERROR_GNSS_DELAY, np.array([params.gnss_delay_std_s**2]))
-        state.source("gnss_position").accepted_arrival_s = sample.arrival_s
+        state.source("gnss_position").accepted = True
         return
     lever = np.array(params.gnss_lever_body_m)
     position_rows(nominal, position, lever, 1.0, state.innovation, state.jacobian)
     state.variance[:2] = horizontal * horizontal
     state.variance[2] = vertical * vertical
-    outcome = fuse(state, "gnss_position", stamp, sample.arrival_s, 3)
+    outcome = fuse(state, "gnss_position", stamp, 3)
     if velocity is not None and math.isfinite(velocity[0]):
         imu = state.imu_row(state.imu_fused)[1:]
         down_known = math.isfinite(velocity[2])
         velocity_rows(nominal, np.nan_to_num(velocity), lever, imu, state.innovation, state.jacobian)
         state.variance[:3] = speed_std * speed_std
-        fuse(state, "gnss_velocity", stamp, sample.arrival_s, 3 if down_known else 2)
+        fuse(state, "gnss_velocity", stamp, 3 if down_known else 2)
     if sample.yaw_rad is not None:
         heading_row(nominal, sample.yaw_rad, 0, state.innovation, state.jacobian)
         state.variance[0] = params.gnss_yaw_std_rad**2
-        fuse(state, "gnss_yaw", stamp, sample.arrival_s, 1)
+        fuse(state, "gnss_yaw", stamp, 1)
     if not outcome.accepted and stuck(state, "gnss_position", stamp, params):
         reset_position(state, "gnss_position", stamp, "rejected for long", position, std, velocity, max(speed_std, 0.3))
         state.source("gnss_position").rejected_since_s = math.nan
-        state.source("gnss_position").accepted_arrival_s = sample.arrival_s
+        state.source("gnss_position").accepted = True
 
 
 def fuse_magnetometer(state: EkfState, sample: MagnetometerSample, nominal: Array, params: EkfParameters) -> None:
@@ -241,7 +241,7 @@ def fuse_magnetometer(state: EkfState, sample: MagnetometerSample, nominal: Arra
         return
     magnetic_rows(nominal, np.array(sample.field_body_t), state.innovation, state.jacobian)
     state.variance[:3] = params.magnetometer_std_t**2
-    outcome = fuse(state, "magnetometer", stamp, sample.arrival_s, 3)
+    outcome = fuse(state, "magnetometer", stamp, 3)
     if not outcome.accepted and stuck(state, "magnetometer", stamp, params):
         reset_block(state.covariance, ERROR_MAGNETIC_BIAS, np.full(3, params.magnetic_bias_std_t**2))
         state.source("magnetometer").rejected_since_s = math.nan
@@ -260,7 +260,7 @@ def fuse_barometer(state: EkfState, sample: BarometerSample, nominal: Array, par
     late = not state.barometer_started
     if not late:
         barometer_row(nominal, height_m, state.innovation, state.jacobian)
-        outcome = fuse(state, "barometer", stamp, sample.arrival_s, 1)
+        outcome = fuse(state, "barometer", stamp, 1)
         late = not outcome.accepted and stuck(state, "barometer", stamp, params)
         if late:
             state.resets.append(Reset("barometer", stamp, "rejected for long: offset learnt anew"))
@@ -287,7 +287,7 @@ def fuse_range(state: EkfState, sample: RangeSample, nominal: Array, params: Ekf
         return
     range_row(nominal, sample.distance_m, state.ground_down_m, state.innovation, state.jacobian)
     state.variance[0] = params.range_std_m**2
-    outcome = fuse(state, "range", stamp, sample.arrival_s, 1)
+    outcome = fuse(state, "range", stamp, 1)
     if not outcome.accepted and stuck(state, "range", stamp, params):
         state.ground_down_m = float(nominal[2]) + sample.distance_m * cosine
         state.source("range").rejected_since_s = math.nan
@@ -298,7 +298,7 @@ def fuse_drag(state: EkfState, imu: Array, params: EkfParameters) -> None:
     """Accelerometer x and y as drag, Raja (3.14); the wind it ignores widens the rows."""
     drag_rows(state.nominal, imu[3:], params.drag_1_s, state.innovation, state.jacobian)
     state.variance[:2] = params.drag_accel_std_m_s2**2 + (params.drag_1_s * params.wind_std_m_s) ** 2
-    fuse(state, "drag", state.time_s, state.newest_arrival_s, 2)
+    fuse(state, "drag", state.time_s, 2)
 
 
 def fuse_rest(state: EkfState, imu: Array) -> None:
@@ -317,7 +317,7 @@ def fuse_rest(state: EkfState, imu: Array) -> None:
         state.innovation[k] = -state.nominal[ERROR_VELOCITY + k]
         state.jacobian[k, ERROR_VELOCITY + k] = 1.0
     state.variance[:3] = REST_STD_M_S**2
-    fuse(state, "rest", state.time_s, state.newest_arrival_s, 3)
+    fuse(state, "rest", state.time_s, 3)
 
 
 def tilt_std_rad(state: EkfState) -> float:

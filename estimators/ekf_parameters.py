@@ -66,7 +66,7 @@ class EkfParameters:
     use_magnetometer: bool = True
     magnetometer_std_t: float = 1e-6
     magnetometer_delay_s: float = 0.0
-    magnetometer_min_interval_s: float = 0.02
+    magnetometer_min_interval_s: float = 0.015
     magnetic_bias_std_t: float = 2e-6
     magnetic_bias_walk_t: float = 2e-9
     earth_field_std_t: float = 2e-7
@@ -79,7 +79,7 @@ class EkfParameters:
     use_barometer: bool = True
     barometer_std_m: float = 0.5
     barometer_offset_walk_m: float = 0.02
-    barometer_min_interval_s: float = 0.02
+    barometer_min_interval_s: float = 0.015
 
     # Range finder over level ground: reference quadrotor, 20 Hz.
     use_range: bool = True

@@ -50,7 +50,7 @@ class SourceHealth:
     stamp_s: float = NEVER_S
     interval_s: float = math.nan
     heard_arrival_s: float = NEVER_S
-    accepted_arrival_s: float = NEVER_S
+    accepted: bool = False
     rejected_since_s: float = math.nan
     fused_s: float = NEVER_S
 
@@ -100,7 +100,7 @@ class EkfState:
     newest_arrival_s: float = NEVER_S
     horizon_s: float = 0.0
     """How far the fusion horizon stays behind the newest IMU sample."""
-    queue: list[tuple[float, int, AnySample]] = field(default_factory=list)
+    queue: list[tuple[float, int, int, AnySample]] = field(default_factory=list)
     queued: int = 0
     health: dict[str, SourceHealth] = field(default_factory=dict)
 

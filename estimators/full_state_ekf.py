@@ -2,8 +2,8 @@
 
 Raja section 3.1 in multiplicative error-state form (:mod:`estimators.ekf_model`), on a fixed-lag horizon: samples wait
 in order until the horizon has reached them, so a fix that is .2 s old corrects the state of .2 s ago, exactly; the IMU
-then carries that state to now. The horizon grows by itself to the oldest measurement seen (``max_horizon_s`` at most);
-what comes later still is fused at the horizon against the state carried back, or dropped and counted.
+then carries that state to now. The horizon follows the age of the oldest measurement seen lately (``max_horizon_s`` at
+most); what comes later still is fused at the horizon against the state carried back, or dropped and counted.
 
 ``step`` is pure in the sense of the house: no clock, no global state; the state object is changed and handed back.
 """
@@ -57,6 +57,7 @@ __all__ = ["EkfOutput", "EkfParameters", "EkfState", "Reset", "initial", "step"]
 SAME_TIME_S = 1e-3
 REBOOT_S = 1.0
 HORIZON_MARGIN_S = 2e-3
+HORIZON_SHRINK = 5e-3
 QUEUE_SIZE = 1000
 ATTITUDE_VALID_STD_RAD = math.radians(10.0)
 POSITION_SOURCES = ("pose", "gnss_position")
@@ -116,29 +117,36 @@ def _take_imu(state: EkfState, sample: ImuSample, params: EkfParameters) -> EkfS
         state.running = state.positioned = state.field_started = state.barometer_started = False
         state.field_known = False
         state.align_first = state.imu_count
+    else:
+        state.horizon_s = max(params.horizon_s, state.horizon_s - HORIZON_SHRINK * gap_s)
     state.push_imu(sample)
     return state
 
 
-def _delay_s(sample: Aiding, params: EkfParameters) -> float:
+def _delay_and_rank(sample: Aiding, params: EkfParameters) -> tuple[float, int]:
+    """Age of a measurement at its stamp, and its place among those of one time: arrival order must not matter."""
     match sample:
-        case GnssSample():
-            return params.gnss_delay_s
         case PoseSample():
-            return params.pose_delay_s
+            return params.pose_delay_s, 0
+        case GnssSample():
+            return params.gnss_delay_s, 1
         case MagnetometerSample():
-            return params.magnetometer_delay_s
-        case _:
-            return 0.0
+            return params.magnetometer_delay_s, 2
+        case BarometerSample():
+            return 0.0, 3
+        case RangeSample():
+            return 0.0, 4
 
 
 def _enqueue(state: EkfState, sample: Aiding, params: EkfParameters) -> None:
     """Put a measurement in line at the time it is true for; the horizon makes room for its age."""
-    true_s = sample.time_s - _delay_s(sample, params)
-    if true_s > state.newest_s + REBOOT_S and state.imu_count > 0:
+    delay_s, rank = _delay_and_rank(sample, params)
+    # To the microsecond of the wire: a delay taken off must not reorder what was simultaneous.
+    true_s = round(sample.time_s - delay_s, 6)
+    age_s = state.newest_s - true_s
+    if state.imu_count > 0 and not -REBOOT_S < age_s < params.max_horizon_s + params.late_tolerance_s:
         state.dropped += 1
         return
-    age_s = state.newest_s - true_s
     if state.horizon_s < age_s + HORIZON_MARGIN_S and age_s > SAME_TIME_S:
         state.horizon_s = min(age_s + HORIZON_MARGIN_S, params.max_horizon_s)
     if len(state.queue) >= QUEUE_SIZE:
@@ -148,7 +156,7 @@ def _enqueue(state: EkfState, sample: Aiding, params: EkfParameters) -> None:
         source = "pose" if isinstance(sample, PoseSample) else "gnss_position"
         state.source(source).heard_arrival_s = sample.arrival_s
     state.queued += 1
-    bisect.insort(state.queue, (true_s, state.queued, sample))
+    bisect.insort(state.queue, (true_s, rank, state.queued, sample))
 
 
 def _move_origin(state: EkfState, place: Geodetic, time_s: float, params: EkfParameters) -> None:
@@ -185,7 +193,7 @@ def _try_align(state: EkfState, params: EkfParameters) -> None:
         return
     pose: PoseSample | None = None
     magnetometer: MagnetometerSample | None = None
-    for _, _, sample in state.queue:
+    for _, _, _, sample in state.queue:
         if isinstance(sample, PoseSample):
             pose = sample
         elif isinstance(sample, MagnetometerSample):
@@ -227,7 +235,7 @@ def _predict(state: EkfState, before: Array, after: Array, dt_s: float) -> None:
 
 def _fuse_first(state: EkfState, before: Array, after: Array, params: EkfParameters) -> None:
     """Fuse the first queued measurement: go to its time, or, if that has passed, carry the state back to compare."""
-    true_s, _, sample = state.queue.pop(0)
+    true_s, _, _, sample = state.queue.pop(0)
     ahead_s = true_s - state.time_s
     nominal = state.nominal
     if ahead_s > SAME_TIME_S:

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import BrowserContext, Page
+from playwright.sync_api import Page
 
-from tests.browser.station import StationProcess, log_in, open_dashboard, running_browser, running_station
+from tests.browser.station import StationProcess, log_in, open_dashboard, rest, running_browser, running_station
 
 
 @pytest.fixture(scope="module")
@@ -18,14 +18,14 @@ def station() -> Iterator[StationProcess]:
 
 
 @pytest.fixture(scope="module")
-def context(station: StationProcess) -> Iterator[BrowserContext]:
+def dashboard(station: StationProcess) -> Iterator[Page]:
+    """One page for a module: without a graphics card its scene takes seconds to start."""
     with running_browser() as browser:
-        yield log_in(browser, station)
+        yield open_dashboard(log_in(browser, station), station)
 
 
 @pytest.fixture
-def page(context: BrowserContext, station: StationProcess) -> Iterator[Page]:
-    page = open_dashboard(context, station)
-    yield page
-    assert page.evaluate("window.violations") == []
-    page.close()
+def page(dashboard: Page) -> Iterator[Page]:
+    rest(dashboard)
+    yield dashboard
+    assert dashboard.evaluate("window.violations") == []

@@ -21,7 +21,8 @@ from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect, 
 ROOT = Path(__file__).parents[2]
 START_TIMEOUT_S = 120.0
 STOP_TIMEOUT_S = 20.0
-SLOW_MS = 30_000
+EXPECT_MS = 15_000
+SLOW_MS = 45_000
 """For what takes the vehicle some seconds, on a machine that may be busy."""
 
 
@@ -95,7 +96,8 @@ def running_station(folder: Path) -> Iterator[StationProcess]:
 
 @contextmanager
 def running_browser() -> Iterator[Browser]:
-    """A headless Chromium."""
+    """A headless Chromium; what is expected of a page may take a while on a busy machine."""
+    expect.set_options(timeout=EXPECT_MS)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(
             executable_path=chromium(),
@@ -134,6 +136,23 @@ def open_dashboard(context: BrowserContext, station: StationProcess) -> Page:
     return page
 
 
+def rest(page: Page) -> None:
+    """Back to how a page looks when it opens: Fly view, 30 s window, nothing held."""
+    page.set_viewport_size({"width": 1280, "height": 720})
+    page.emulate_media(color_scheme="dark")
+    at(page, "rail-fly").click()
+    at(page, "window-30").click()
+    if "You" in at(page, "strip-controls").inner_text():
+        at(page, "key-controls").click()
+    expect(at(page, "strip-controls")).to_contain_text("Free")
+
+
+def take_controls(page: Page) -> None:
+    """Press Take controls and see that they are ours."""
+    at(page, "key-controls").click()
+    expect(at(page, "strip-controls")).to_contain_text("You")
+
+
 def at(page: Page, testid: str) -> Locator:
     return page.locator(f"[data-testid='{testid}']")
 
@@ -155,7 +174,7 @@ def press(locator: Locator, held_ms: int = 1100) -> None:
 
 def status(page: Page) -> dict[str, object]:
     """What the station itself says, by its REST interface."""
-    answer = page.request.get("/api/status" if page.url == "about:blank" else f"{page.url.rstrip('/')}/api/status")
+    answer = page.request.get(f"{page.url}api/status")
     assert answer.ok, answer.text()
     found: dict[str, object] = json.loads(answer.text())
     return found

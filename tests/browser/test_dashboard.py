@@ -6,9 +6,9 @@ import os
 import signal
 
 import pytest
-from playwright.sync_api import BrowserContext, Page, expect
+from playwright.sync_api import Page, expect
 
-from tests.browser.station import SLOW_MS, StationProcess, at, open_dashboard, status
+from tests.browser.station import SLOW_MS, StationProcess, at, status, take_controls
 
 VIEWS = ("fly", "tune", "model", "identify", "estimate", "link", "runs")
 SIZES = ((1920, 1080), (1280, 720), (1024, 768))
@@ -65,14 +65,15 @@ def test_theme_follows_the_system_and_is_remembered(page: Page) -> None:
     expect(root).to_have_attribute("data-theme", "dark")
     page.reload()
     expect(root).to_have_attribute("data-theme", "dark")
+    expect(at(page, "strip-link")).to_contain_text("%")
     page.keyboard.press("?")
     at(page, "theme-system").click()
+    page.keyboard.press("Escape")
 
 
 def test_a_bad_gain_is_refused_and_nothing_changes(page: Page) -> None:
     before = status(page)["gain_set"]
-    at(page, "key-controls").click()
-    expect(at(page, "strip-controls")).to_contain_text("You")
+    take_controls(page)
     at(page, "rail-tune").click()
     field = at(page, "staged-attitude.q_roll")
     field.fill("1e9")
@@ -93,7 +94,6 @@ def test_a_bad_gain_is_refused_and_nothing_changes(page: Page) -> None:
     assert answer["accepted"] is False
     assert "attitude.q_roll" in answer["reason"]
     assert status(page)["gain_set"] == before
-    at(page, "key-controls").click()
 
 
 def test_staged_edits_show_poles_and_margins_and_refuse_unstable_ones(page: Page) -> None:
@@ -132,17 +132,14 @@ def test_letters_are_not_keys_while_typing(page: Page) -> None:
 
 
 def test_fields_out_of_range_are_marked_and_offboard_comes_first(page: Page) -> None:
-    at(page, "key-controls").click()
-    expect(at(page, "strip-controls")).to_contain_text("You")
+    take_controls(page)
     at(page, "trajectory-radius_m").fill("500")
     expect(at(page, "trajectory-radius_m")).to_have_attribute("aria-invalid", "true")
     expect(at(page, "fly-trajectory")).to_be_disabled()  # not in offboard
-    at(page, "key-controls").click()
-    expect(at(page, "strip-controls")).to_contain_text("Free")
+    at(page, "trajectory-radius_m").fill("0.8")
 
 
-def test_a_lost_station_is_said_and_comes_back(context: BrowserContext, station: StationProcess) -> None:
-    page = open_dashboard(context, station)
+def test_a_lost_station_is_said_and_comes_back(page: Page, station: StationProcess) -> None:
     os.kill(station.child("web"), signal.SIGKILL)
     expect(at(page, "bar-notice")).to_contain_text("No connection to the station. Nothing you press is sent.")
     for key in ("key-controls", "key-hold", "key-land", "key-last-good"):
@@ -150,4 +147,3 @@ def test_a_lost_station_is_said_and_comes_back(context: BrowserContext, station:
     expect(at(page, "key-hold")).to_be_enabled(timeout=2 * SLOW_MS)  # gcs up has started it again
     expect(at(page, "bar-notice")).not_to_contain_text("No connection")
     expect(at(page, "liveness")).to_contain_text("Live", timeout=SLOW_MS)
-    page.close()

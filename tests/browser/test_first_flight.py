@@ -6,7 +6,7 @@ import re
 
 from playwright.sync_api import Page, expect
 
-from tests.browser.station import SLOW_MS, at, number, press, status
+from tests.browser.station import SLOW_MS, at, number, press, status, take_controls
 
 HEIGHT_M = 2.0
 GAIN = "attitude.q_roll_rate"
@@ -15,8 +15,7 @@ GAIN = "attitude.q_roll_rate"
 def _take_off(page: Page) -> None:
     expect(at(page, "checklist")).to_contain_text("Position 3σ")
     expect(at(page, "take-off")).to_be_disabled()
-    at(page, "key-controls").click()
-    expect(at(page, "strip-controls")).to_contain_text("You")
+    take_controls(page)
     at(page, "take-off-height").fill(str(HEIGHT_M))
     at(page, "take-off").click()
     expect(at(page, "strip-mode")).to_contain_text("armed", timeout=SLOW_MS)
@@ -88,15 +87,14 @@ def test_first_flight(page: Page) -> None:
     assert "OFFBOARD" in str(status(page)["vehicle_mode"])  # landing in the air needs the whole press
     press(at(page, "key-land"))
     expect(at(page, "strip-mode")).to_contain_text("disarmed", timeout=2 * SLOW_MS)
-    expect(at(page, "event-log") if at(page, "event-log").is_visible() else at(page, "fly-tab-alerts")).to_be_visible()
     assert status(page)["landed"] == "on ground"
-    at(page, "key-controls").click()
-    expect(at(page, "strip-controls")).to_contain_text("Free")
+    at(page, "fly-tab-alerts").click()
+    expect(at(page, "event-log")).to_contain_text("started by operator 1")
+    at(page, "fly-tab-manoeuvre").click()
 
 
 def test_safety_keys_work_from_inside_the_scene(page: Page) -> None:
-    at(page, "key-controls").click()
-    expect(at(page, "strip-controls")).to_contain_text("You")
+    take_controls(page)
     at(page, "take-off-height").fill("1.5")
     at(page, "take-off").click()
     expect(at(page, "state-height-estimate")).to_have_text(re.compile(r"^1\.[3-9]"), timeout=SLOW_MS)
@@ -113,4 +111,3 @@ def test_safety_keys_work_from_inside_the_scene(page: Page) -> None:
     page.wait_for_timeout(1100)
     page.keyboard.up("l")
     expect(at(page, "strip-mode")).to_contain_text("disarmed", timeout=2 * SLOW_MS)
-    at(page, "key-controls").click()

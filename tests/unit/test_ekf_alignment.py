@@ -42,7 +42,11 @@ def test_before_a_fix_there_is_an_attitude_from_magnetic_north_then_a_reported_t
     t, samples = rig.step()
     state, output = step(state, [*samples, rig.gnss(t)], params=PARAMS)
     turns = [reset for reset in output.resets if reset.source == "magnetometer"]
-    assert turns[0].yaw_delta_rad == pytest.approx(declination, abs=0.02)
+    # One reading sets the heading at once (.4 uT of noise on 21 uT); the next ones settle it.
+    assert turns[0].yaw_delta_rad == pytest.approx(declination, abs=0.06)
+    rig.gnss_every = 10
+    for _, samples in rig.run(5.0):
+        state, output = step(state, samples, params=PARAMS)
     assert output.estimate is not None
     assert output.estimate.euler_rad[2] == pytest.approx(0.0, abs=0.02)
     assert output.estimate.position_valid
@@ -71,10 +75,9 @@ def test_start_in_motion_converges() -> None:
     path = Path(amplitude_m=(40.0, 40.0, 2.0), frequency_rad_s=(0.5, 0.5, 0.3), amplitude_rad=(0.4, 0.2, 1.5))
     rig = Rig(path, seed=4, pose_every=0, gnss_every=10, magnetometer_every=5, field_ned_t=FIELD, gnss_std_m=0.3)
     state = initial(PARAMS)
-    for t, samples in rig.run(40.0):
+    for _, samples in rig.run(40.0):
         state, output = step(state, samples, params=PARAMS)
     assert output.estimate is not None
-    assert t > 40.0
     error = rig.error(output.estimate)
     assert np.all(np.degrees(np.abs(error[6:9])) < 2.0)
 
@@ -142,6 +145,8 @@ def test_a_magnet_beside_the_vehicle_is_rejected_then_forgiven() -> None:
         state, output = step(state, samples, params=PARAMS)
     assert output.estimate is not None
     yaw = output.estimate.euler_rad[2]
+    for _, samples in rig.run(0.04):
+        state, _ = step(state, samples[:1], params=PARAMS)
     t, samples = rig.step()
     state, output = step(
         state,

@@ -27,6 +27,9 @@ def ticks(duration_s: float) -> list[list[AnySample]]:
     first = rig.origin()
     batches = [samples for _, samples in rig.run(duration_s)]
     batches[0].append(first)
+    # No fix while the filter aligns: which is the first it takes shall not depend on when it is handed over.
+    for batch in batches[:50]:
+        batch[:] = [sample for sample in batch if not isinstance(sample, GnssSample)]
     return batches
 
 
@@ -87,7 +90,8 @@ def test_the_horizon_grows_by_itself_to_the_age_of_what_arrives() -> None:
     state = initial(params)
     for batch in handed_over_late(ticks(12.0), 20):
         state, output = step(state, batch, params=params)
-    assert DELAY_S <= state.horizon_s < DELAY_S + 0.02
+    # A fix is handed over before the IMU sample of its own tick, so it is seen one interval younger.
+    assert DELAY_S - 0.011 <= state.horizon_s < DELAY_S + 0.01
     assert output.estimate is not None
     assert output.estimate.time_s - state.time_s == pytest.approx(state.horizon_s, abs=0.011)
     truth = FAST.position(output.estimate.time_s)

@@ -12,7 +12,7 @@ await mkdir(out, { recursive: true });
 
 const result = await build({
   absWorkingDir: here,
-  entryPoints: { app: "src/main.tsx", theme: "src/theme_boot.ts" },
+  entryPoints: { app: "src/main.tsx", theme: "src/theme_boot.ts", keeper: "src/keeper.ts" },
   bundle: true,
   minify: true,
   sourcemap: "linked",
@@ -29,13 +29,14 @@ const result = await build({
   logLevel: "warning",
 });
 
-const names = { APP_JS: "", APP_CSS: "", THEME_JS: "" };
+const names = { APP_JS: "", APP_CSS: "", THEME_JS: "", KEEPER_JS: "" };
 for (const [path, output] of Object.entries(result.metafile.outputs)) {
   if (output.entryPoint === "src/main.tsx") {
     names.APP_JS = basename(path);
     names.APP_CSS = basename(output.cssBundle);
   }
   if (output.entryPoint === "src/theme_boot.ts") names.THEME_JS = basename(path);
+  if (output.entryPoint === "src/keeper.ts") names.KEEPER_JS = basename(path);
 }
 
 let page = await readFile(join(here, "index.html"), "utf8");

@@ -1,10 +1,11 @@
 // What the keys of the bar and the keyboard do. Words here are the words of the buttons.
 
 import { send } from "./api";
+import type { KeeperOrder } from "./keeper";
 import type { Answer } from "./protocol";
-import { holdsControls, say, state, update } from "./store";
+import { holdsControls, say, state, subscribe, update } from "./store";
 
-const KEEP_MS = 1500;
+const PULSE_MS = 1000;
 
 export function toggleControls(): void {
   void send({ type: holdsControls(state) ? "release_controls" : "take_controls" });
@@ -39,9 +40,15 @@ export function stepWindow(step: 1 | -1): void {
   if (next !== undefined) update({ windowS: next, zoom: null });
 }
 
-// Five silent seconds lose the controls: the holder says that it is there.
+// Five silent seconds lose the controls: a worker says that the holder is there, as long as this page is alive.
 export function startKeepingControls(): void {
-  setInterval(() => {
-    if (state.station === "live" && holdsControls(state)) void send({ type: "keep_controls" });
-  }, KEEP_MS);
+  const keeper = new Worker(document.documentElement.dataset.keeper ?? "");
+  const tell = (): void => keeper.postMessage({ csrf: state.session?.csrf ?? "", holding: state.station === "live" && holdsControls(state) } satisfies KeeperOrder);
+  let told = false;
+  setInterval(tell, PULSE_MS);
+  subscribe(() => {
+    if (holdsControls(state) === told) return;
+    told = holdsControls(state);
+    tell();
+  });
 }
