@@ -1,11 +1,12 @@
-"""One predict and one update of the full-state filter, beside filterpy's EKF on the same model, in one run.
+"""One predict and one update of the full-state filter, beside the same filter written on filterpy, in one run.
 
 Ours: a whole ``step`` per IMU sample with one mocap pose, as the offboard tick calls it: queue, prediction of 23 error
-states, a gated 4-row Joseph update, injection, carrying the output to now, and the Estimate. filterpy: its
-ExtendedKalmanFilter with 15 states, its own ``predict`` and ``update`` with the same transition, Jacobian and noise
-given for free, so only the linear algebra is timed.
+states, a gated 4-row Joseph update, injection, carrying the output to now, and the Estimate.
+filterpy: its ExtendedKalmanFilter with the 15 states of the Euler form (position, velocity, attitude, biases), with the
+model in numpy through the hooks it offers: ``predict_x``, F = I + A dt + (A dt)^2/2, ``update`` with heading wrapped.
+Its linear algebra alone, with model and Jacobians given for nothing, is printed too.
 
-Run: python benchmarks/ekf_speed.py [--json]
+Run: python -m benchmarks.ekf_speed [--json]
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from collections.abc import Callable
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter
 
-from estimators.ekf_model import CORE_SIZE, transition_rows
+from estimators.ekf_model import CORE_SIZE
 from estimators.full_state_ekf import EkfParameters, initial, step
 from models.frames import Array
 from models.samples import AnySample, ImuSample, PoseSample
@@ -67,31 +68,106 @@ def ours_us(batches: list[list[AnySample]]) -> float:
     return 1e6 * (time.process_time() - started) / len(batches)
 
 
+def skew(v: Array) -> Array:
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+
+
+def euler_rotation(roll: float, pitch: float, yaw: float) -> Array:
+    """Body to ned, Raja (2.4)."""
+    cr, sr, cp, sp, cy, sy = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch), np.cos(yaw), np.sin(yaw)
+    return np.array(
+        [
+            [cp * cy, sr * sp * cy - cr * sy, cr * sp * cy + sr * sy],
+            [cp * sy, sr * sp * sy + cr * cy, cr * sp * sy - sr * cy],
+            [-sp, sr * cp, cr * cp],
+        ]
+    )
+
+
+class FilterpyEkf(ExtendedKalmanFilter):
+    """The Euler form of the filter as one writes it on filterpy; ``u`` is the IMU reading (6,)."""
+
+    def __init__(self) -> None:
+        super().__init__(dim_x=CORE_SIZE, dim_z=4)
+        self.x = np.zeros(CORE_SIZE)
+        self.P *= 0.01
+        self.Q = np.diag([0.0] * 3 + [1e-4] * 3 + [1e-6] * 3 + [4e-8] * 3 + [4e-6] * 3) * 0.01
+        self.R = np.diag([4e-6, 4e-6, 4e-6, 1e-4])
+        self.dt_s = 0.01
+
+    def predict_x(self, u: Array) -> None:
+        x, dt_s = self.x, self.dt_s
+        w, a = u[:3] - x[9:12], u[3:] - x[12:15]
+        roll, pitch, yaw = x[6], x[7], x[8]
+        rotation = euler_rotation(roll, pitch, yaw)
+        acceleration = rotation @ a + np.array([0.0, 0.0, 9.80665])
+        tangent, secant = np.tan(pitch), 1.0 / np.cos(pitch)
+        sine, cosine = np.sin(roll), np.cos(roll)
+        kinematics = np.array(
+            [
+                [1.0, sine * tangent, cosine * tangent],
+                [0.0, cosine, -sine],
+                [0.0, sine * secant, cosine * secant],
+            ]
+        )
+        dynamics = np.zeros((CORE_SIZE, CORE_SIZE))
+        dynamics[0:3, 3:6] = np.eye(3)
+        dynamics[3:6, 6:9] = -rotation @ skew(a) @ np.linalg.inv(kinematics)
+        dynamics[3:6, 12:15] = -rotation
+        dynamics[6:9, 9:12] = -kinematics
+        step_matrix = dynamics * dt_s
+        self.F = np.eye(CORE_SIZE) + step_matrix + 0.5 * step_matrix @ step_matrix
+        x[0:3] += dt_s * x[3:6] + 0.5 * dt_s**2 * acceleration
+        x[3:6] += dt_s * acceleration
+        x[6:9] += dt_s * (kinematics @ w)
+
+
+JACOBIAN = np.zeros((4, CORE_SIZE))
+JACOBIAN[0, 0] = JACOBIAN[1, 1] = JACOBIAN[2, 2] = JACOBIAN[3, 8] = 1.0
+
+
+def jacobian_of(_: Array) -> Array:
+    return JACOBIAN
+
+
+def measured_of(x: Array) -> Array:
+    return JACOBIAN @ x
+
+
+def wrapped_difference(a: Array, b: Array) -> Array:
+    difference: Array = a - b
+    difference[3] = (difference[3] + np.pi) % (2.0 * np.pi) - np.pi
+    return difference
+
+
 def filterpy_us(batches: list[list[AnySample]]) -> float:
-    """Processor time of filterpy's predict and update with 15 states and 4 rows [us]."""
+    """Processor time of predict and update of the same filter on filterpy [us]."""
+    ekf = FilterpyEkf()
+    inputs = []
+    for imu, pose in batches:
+        assert isinstance(imu, ImuSample)
+        assert isinstance(pose, PoseSample)
+        inputs.append((np.array(imu.gyro_body_rad_s + imu.accel_body_m_s2), np.array([*pose.position_ned_m, 0.0])))
+    started = time.process_time()
+    for reading, measured in inputs:
+        ekf.predict(reading)
+        ekf.update(measured, jacobian_of, measured_of, residual=wrapped_difference)
+    return 1e6 * (time.process_time() - started) / len(batches)
+
+
+def filterpy_algebra_us(batches: list[list[AnySample]]) -> float:
+    """Processor time of filterpy's own linear algebra, the model given for nothing [us]."""
     ekf = ExtendedKalmanFilter(dim_x=CORE_SIZE, dim_z=4)
+    ekf.x = np.zeros(CORE_SIZE)
     ekf.P *= 0.01
     ekf.Q = 1e-6 * np.eye(CORE_SIZE)
     ekf.R = np.diag([4e-6, 4e-6, 4e-6, 1e-4])
-    nominal = np.zeros(24)
-    nominal[6] = 1.0
-    rows = np.empty((9, CORE_SIZE))
-    transition_rows(nominal, np.array([0.0, 0.0, 0.0, 0.0, 0.0, -9.80665]), 0.01, rows)
-    ekf.F = np.vstack([rows, np.hstack([np.zeros((6, 9)), np.eye(6)])])
-    jacobian = np.zeros((4, CORE_SIZE))
-    jacobian[0, 0] = jacobian[1, 1] = jacobian[2, 2] = jacobian[3, 8] = 1.0
-
-    def rows_of(_: Array) -> Array:
-        return jacobian
-
-    def measurement_of(x: Array) -> Array:
-        return jacobian @ x
-
-    measured = np.zeros((4, 1))
+    ekf.F = np.eye(CORE_SIZE)
+    measured = np.zeros(4)
     started = time.process_time()
     for _ in batches:
         ekf.predict()
-        ekf.update(measured, rows_of, measurement_of)
+        ekf.update(measured, jacobian_of, measured_of)
     return 1e6 * (time.process_time() - started) / len(batches)
 
 
@@ -106,18 +182,20 @@ def main() -> None:
     arguments = parser.parse_args()
     batches = samples_of(STEPS)
     ours, peer = best_of(ours_us, batches), best_of(filterpy_us, batches)
-    result = {
-        "ours_us": ours,
-        "filterpy_us": peer,
-        "ratio": peer / ours,
-        "met": ours <= TARGET_US and peer / ours >= TARGET_RATIO,
-    }
+    algebra = best_of(filterpy_algebra_us, batches)
+    ratio = peer / ours
     if arguments.json:
-        print(json.dumps(result))
+        met = ours <= TARGET_US and ratio >= TARGET_RATIO
+        print(
+            json.dumps(
+                {"ours_us": ours, "filterpy_us": peer, "filterpy_algebra_us": algebra, "ratio": ratio, "met": met}
+            )
+        )
         return
     print(f"full-state EKF, predict + update   {ours:8.1f} us   (reach: {TARGET_US:.0f} us)")
-    print(f"filterpy, predict + update         {peer:8.1f} us")
-    print(f"ratio                              {peer / ours:8.1f}      (reach: {TARGET_RATIO:.0f})")
+    print(f"same filter on filterpy            {peer:8.1f} us")
+    print(f"  of which its linear algebra      {algebra:8.1f} us")
+    print(f"ratio                              {ratio:8.1f}      (reach: {TARGET_RATIO:.0f})")
 
 
 if __name__ == "__main__":

@@ -6,15 +6,11 @@ Reach: >= 20 x real time. The plant alone is in ``plant_speed.py``. Run: python 
 from __future__ import annotations
 
 import json
-import os
 import socket
 import subprocess
 import sys
 import time
 from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from gcs import commands as c
 from gcs.offboard.configure import read_offboard_config
@@ -43,19 +39,23 @@ class InProcess:
         self.simulation.receive(0, packet)
 
 
+def order(flight: LockstepFlight, *commands: c.AnyCommand) -> None:
+    """Give commands that have to be accepted."""
+    for command in commands:
+        answer = flight.command(command, WHO)
+        assert answer.accepted, answer.reason
+
+
 def circle_ratio(vehicle: SteppedVehicle) -> tuple[float, float]:
     """Take off, fly the circle; vehicle seconds per wall second and per processor second of this process."""
     station = Station(read_offboard_config(ROOT / "gcs/vehicles/sim_quadrotor.toml"), 0.0, clock_rate=1.0)
     flight = LockstepFlight(station, vehicle)
     flight.run(8.0)
-    for command in (c.TakeControls(), c.TakeOff(2.5)):
-        assert flight.command(command, WHO).accepted
+    order(flight, c.TakeControls(), c.TakeOff(2.5))
     flight.run(7.0)
-    for command in (c.TakeControls(), c.StartOffboard()):
-        assert flight.command(command, WHO).accepted
+    order(flight, c.TakeControls(), c.StartOffboard())
     flight.run_until(lambda s: s.state.state is State.ACTIVE, 5.0, "offboard")
-    assert flight.command(c.TakeControls(), WHO).accepted
-    assert flight.command(c.FlyTrajectory(Circle()), WHO).accepted
+    order(flight, c.TakeControls(), c.FlyTrajectory(Circle()))
     wall_s, processor_s, begin_s = time.perf_counter(), time.process_time(), flight.time_s
     flight.run(FLIGHT_S)
     flown_s = flight.time_s - begin_s
@@ -84,7 +84,7 @@ def main() -> None:
     wall, processor = circle_ratio(InProcess())
     udp_wall, udp_processor = over_udp()
     print(f"lockstep flight, one process   {wall:8.1f} x real time ({processor:.1f} x by processor time)")
-    print(f"lockstep flight, over UDP      {udp_wall:8.1f} x real time ({udp_processor:.1f} x by the station's processor time)")
+    print(f"lockstep flight, over UDP      {udp_wall:8.1f} x real time ({udp_processor:.1f} x by processor time)")
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Packet in to setpoint out over real UDP, beside a bare UDP echo and a MAVSDK offboard loop that does no work.
 
-A tap stands between the simulated vehicle and the station, stamps each HIGHRES_IMU packet as it passes it on, and stamps
-the first setpoint that comes back: the time in between is what the station takes. The echo answers the same packets.
+A tap stands between the simulated vehicle and the station, stamps each HIGHRES_IMU packet as it passes it on, and
+stamps the first setpoint that comes back: the time in between is what the station takes. The echo answers the same packets.
 Rates of 100 and 250 Hz, real time, vehicle in the air in OFFBOARD. Run: python benchmarks/round_trip.py [--seconds S]
 Reach: our tick's work p99 <= 1 ms.
 """
@@ -25,8 +25,6 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT))
-
 from gcs import commands as c
 from gcs.records import FlightMessage, TickFrame
 from gcs.signals import SLICES
@@ -227,7 +225,8 @@ def mavsdk(rate_hz: float, seconds: float) -> list[float]:
 def row(name: str, latencies_s: list[float], baseline_s: list[float]) -> str:
     p50, p99 = np.quantile(latencies_s, [0.5, 0.99]) * 1e6
     b50, b99 = np.quantile(baseline_s, [0.5, 0.99]) * 1e6
-    return f"  {name:28s} p50 {p50:7.0f} us ({p50 / b50:4.1f} x)   p99 {p99:7.0f} us ({p99 / b99:4.1f} x)   n {len(latencies_s)}"
+    numbers = f"p50 {p50:7.0f} us ({p50 / b50:4.1f} x)   p99 {p99:7.0f} us ({p99 / b99:4.1f} x)"
+    return f"  {name:28s} {numbers}   n {len(latencies_s)}"
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""Fly the circle of the quadrotor paper in lockstep, with the LQR and then the PI cascade, and print how well each tracks.
+"""Fly the circle of the quadrotor paper in lockstep, with LQR and then PI cascade, and print how well each tracks.
 
     python examples/fly_circle.py [--wind N,E,D] [--seed N]
 

@@ -1,10 +1,16 @@
-"""Compile every numba kernel now, with a progress bar, so that no flight waits for a compiler."""
+"""Compile every numba kernel now, with a progress bar, so that no flight waits for a compiler.
+
+numba's cache knows the file of a kernel but not the kernels that file imports: a change of any of them clears it whole.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import importlib
+import importlib.util
 import pkgutil
 import time
+from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -27,10 +33,34 @@ def kernel_modules() -> list[str]:
     return names
 
 
+def clear_stale_cache(names: list[str]) -> bool:
+    """Delete the kernel cache if any kernel source differs from the one it was made of; True if it was deleted."""
+    digest = hashlib.sha256()
+    folders: set[Path] = set()
+    for name in names:
+        spec = importlib.util.find_spec(name)
+        assert spec is not None
+        assert spec.origin is not None
+        path = Path(spec.origin)
+        folders.add(path.parent / "__pycache__")
+        digest.update(path.read_bytes())
+    stamp = Path(__file__).parent / "__pycache__" / "kernels.sha256"
+    if stamp.is_file() and stamp.read_text() == digest.hexdigest():
+        return False
+    for folder in folders:
+        for pattern in ("*.nbi", "*.nbc"):
+            for cached in folder.glob(pattern):
+                cached.unlink(missing_ok=True)
+    stamp.parent.mkdir(exist_ok=True)
+    stamp.write_text(digest.hexdigest())
+    return True
+
+
 def main() -> None:
     """Import the kernel modules one by one: explicit signatures make the import compile or load the cache."""
     started = time.monotonic()
     names = kernel_modules()
+    clear_stale_cache(names)
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),

@@ -76,7 +76,7 @@ def test_the_result_depends_on_the_file_alone() -> None:
 
 
 def _rewrite(source: Path, target: Path, *, without: frozenset[int] = frozenset(), damage_every: int = 0) -> int:
-    """Copy a log without some messages, or with a byte of every so many packets flipped; returns the packets damaged."""
+    """Copy a log without some messages, or with some packets damaged; returns how many were."""
     damaged = 0
     with target.open("wb") as stream:
         writer = TlogWriter(stream)

@@ -1,4 +1,4 @@
-"""The station flies the simulated quadrotor: circle on GNSS and mocap, bumpless switches, undo, land, every authority."""
+"""The station flies the simulated quadrotor: circle on GNSS and mocap, bumpless switches, undo, every authority."""
 
 from __future__ import annotations
 
