@@ -1,7 +1,7 @@
 """Packet in to setpoint out over real UDP, beside a bare UDP echo and a MAVSDK offboard loop that does no work.
 
 A tap stands between the simulated vehicle and the station, stamps each HIGHRES_IMU packet as it passes it on, and
-stamps the first setpoint that comes back: the time in between is what the station takes. The echo answers the same packets.
+stamps the first setpoint that comes back: the time in between is what the station takes. The echo answers the same.
 Rates of 100 and 250 Hz, real time, vehicle in the air in OFFBOARD. Run: python benchmarks/round_trip.py [--seconds S]
 Reach: our tick's work p99 <= 1 ms.
 """
@@ -24,11 +24,11 @@ import msgspec
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-ROOT = Path(__file__).parents[1]
 from gcs import commands as c
 from gcs.records import FlightMessage, TickFrame
 from gcs.signals import SLICES
 
+ROOT = Path(__file__).parents[1]
 HIGHRES_IMU = 105
 SETPOINTS = (82, 139)
 ATTITUDE_TARGET, ACTUATOR_TARGET = SETPOINTS

@@ -7,7 +7,7 @@ All kernels work in place on arrays owned by the caller, use explicit loops (the
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from models.frames import Array
 from models.kernel import kernel
@@ -21,7 +21,7 @@ def gate_thresholds(false_alarm: float) -> Array:
     ``false_alarm`` is the probability that a good measurement is rejected.
     """
     thresholds = np.full(MAX_ROWS + 1, np.inf)
-    thresholds[1:] = chi2.isf(false_alarm, np.arange(1, MAX_ROWS + 1))
+    thresholds[1:] = chdtri(np.arange(1, MAX_ROWS + 1), false_alarm)
     return thresholds
 
 
