@@ -246,7 +246,8 @@ def main() -> int:
         return 2
     utc_s = time.time()
     start = flight_start(arguments.vehicle, config, endpoint.url.text, utc_s)
-    flight = Flight(Station(config, utc_s), endpoint, runtime, start=start, router_port=arguments.router_port)
+    station = Station(config, utc_s, session=start.session)
+    flight = Flight(station, endpoint, runtime, start=start, router_port=arguments.router_port)
     signal.signal(signal.SIGTERM, flight.stop)
     signal.signal(signal.SIGINT, flight.stop)
     print(f"flight: {endpoint.url.text}, {prefer_realtime()}", flush=True)

@@ -49,10 +49,16 @@ class Turnout:
 
 
 class Station:
-    """One vehicle, one link, one tick. ``ground_s`` is any monotonic clock of the caller [s]."""
+    """One vehicle, one link, one tick. ``ground_s`` is any monotonic clock of the caller [s].
 
-    def __init__(self, config: OffboardConfig, utc_s: float, *, clock_rate: float | None = None) -> None:
+    ``session`` names this life of the station in its frames; ``clock_rate`` 1 is for lockstep, None measures it.
+    """
+
+    def __init__(
+        self, config: OffboardConfig, utc_s: float, *, session: str = "", clock_rate: float | None = None
+    ) -> None:
         self.config = config
+        self.session = session
         self.link = Link(link_config(config.vehicle, clock_rate=clock_rate))
         self.state = offboard.initial(config, utc_s)
         self.ticks = 0
@@ -115,6 +121,7 @@ class Station:
             events=(*events, *turnout.output.events),
             answers=turnout.output.answers,
             actions=turnout.output.actions,
+            session=self.session,
             packets=tuple(Packet(utc_us, p.inbound, p.raw) for p in self.link.take_packets()),
             session=session,
         )

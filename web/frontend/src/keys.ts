@@ -92,4 +92,8 @@ export function listenForKeys(target: Window): void {
     if (press(event)) event.preventDefault();
   });
   target.addEventListener("keyup", (event) => releaseKey(event.key));
+  // A button pressed with the pointer gives the keyboard back, so that Space pauses instead of pressing it again.
+  target.addEventListener("click", (event) => {
+    if (event.detail > 0 && event.target instanceof Element) event.target.closest("button")?.blur();
+  });
 }
