@@ -159,7 +159,7 @@ class Flight:
         duration_s = (time.perf_counter_ns() - started_ns) * 1e-9
         self._ticked_s = now_s
         utc_s = time.time()
-        frame = self.station.frame(turnout, utc_s, duration_s, session=self.start.session)
+        frame = self.station.frame(turnout, utc_s, duration_s)
         if self._passed:
             frame = msgspec.structs.replace(frame, packets=(*frame.packets, *self._passed))
             self._passed = []

@@ -104,7 +104,7 @@ class Station:
             packets += self._mode_packet(mode, t_s)
         return Turnout(packets=(*packets, *chores), inputs=inputs, output=output, t_s=t_s)
 
-    def frame(self, turnout: Turnout, utc_s: float, duration_s: float, *, session: str = "") -> TickFrame:
+    def frame(self, turnout: Turnout, utc_s: float, duration_s: float) -> TickFrame:
         """The tick as the recorder gets it; ``duration_s`` is its processor time, shown with the next frame."""
         signals = turnout.output.signals
         signals[SLICES["tick.duration"]] = duration_s
@@ -123,7 +123,6 @@ class Station:
             actions=turnout.output.actions,
             session=self.session,
             packets=tuple(Packet(utc_us, p.inbound, p.raw) for p in self.link.take_packets()),
-            session=session,
         )
 
     def status(self, ground_s: float, utc_s: float, *, link_url: str, dropped_frames: int) -> Status:
