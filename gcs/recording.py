@@ -17,7 +17,7 @@ import re
 import shutil
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import msgspec
 
@@ -263,16 +263,3 @@ def _resume(runs: Path, frame: TickFrame) -> RunRecorder | None:
         info.missing_ticks = last - info.first_sequence + 1 - count
         return RunRecorder(folder, info)
     return None
-
-
-def run_summary(folder: Path, info: RunInfo) -> dict[str, Any]:
-    """One row of a list of runs: name, vehicle, start, ticks, size."""
-    return {
-        "name": folder.name,
-        "vehicle": info.vehicle,
-        "started_utc": info.started_utc,
-        "ended_utc": info.ended_utc,
-        "ticks": info.ticks,
-        "missing_ticks": info.missing_ticks,
-        "size_bytes": folder_size(folder),
-    }
