@@ -39,7 +39,7 @@ from estimators.ekf_model import (
 from estimators.ekf_parameters import EkfParameters
 from estimators.ekf_state import IMU_RING_SIZE, EkfOutput, EkfState, Reset, initial
 from models.estimate import Estimate
-from models.frames import Array, Geodetic, euler_from_quaternion, geodetic_from_ned, ned_from_geodetic
+from models.frames import Array, Geodetic, geodetic_from_ned, ned_from_geodetic
 from models.samples import (
     AnySample,
     BarometerSample,
@@ -274,14 +274,17 @@ def _estimate(state: EkfState, params: EkfParameters) -> Estimate:
         covariance = covariance.copy()
         propagate_covariance(state.nominal, covariance, newest[1:].copy(), ahead_s, state.density)
     px, py, pz, vx, vy, vz, qw, qx, qy, qz, gx, gy, gz, ax, ay, az = nominal[:16].tolist()
-    roll, pitch, yaw = euler_from_quaternion(nominal[6:10]).tolist()
     _, p, q, r, _, _, _ = newest.tolist()
     return Estimate(
         time_s=state.newest_s,
         position_ned_m=(px, py, pz),
         velocity_ned_m_s=(vx, vy, vz),
         ned_from_body=(qw, qx, qy, qz),
-        euler_rad=(roll, pitch, yaw),
+        euler_rad=(
+            math.atan2(2.0 * (qw * qx + qy * qz), 1.0 - 2.0 * (qx * qx + qy * qy)),
+            math.asin(max(-1.0, min(1.0, 2.0 * (qw * qy - qz * qx)))),
+            math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz)),
+        ),
         rates_body_rad_s=(p - gx, q - gy, r - gz),
         gyro_bias_rad_s=(gx, gy, gz),
         accel_bias_m_s2=(ax, ay, az),

@@ -94,35 +94,38 @@ def joseph_update(
     report[1] = nis / threshold
     if nis > threshold:
         return False
-    gain = np.empty((n, rows))
-    column = np.empty(rows)
-    for j in range(n):
-        for r in range(rows):
-            total = hp[r, j]
-            for k in range(r):
-                total -= factor[r, k] * column[k]
-            column[r] = total / factor[r, r]
-        for r in range(rows - 1, -1, -1):
-            total = column[r]
-            for k in range(r + 1, rows):
-                total -= factor[k, r] * gain[j, k]
-            gain[j, r] = total / factor[r, r]
-    for j in range(n):
-        total = 0.0
-        for r in range(rows):
-            total += gain[j, r] * innovation[r]
-        correction[j] = total
+    # K' = S^-1 H P by forward and back substitution, row by row so that the inner loops run along memory.
+    gain = hp.copy()
+    for r in range(rows):
+        for k in range(r):
+            for j in range(n):
+                gain[r, j] -= factor[r, k] * gain[k, j]
+        for j in range(n):
+            gain[r, j] /= factor[r, r]
+    for r in range(rows - 1, -1, -1):
+        for k in range(r + 1, rows):
+            for j in range(n):
+                gain[r, j] -= factor[k, r] * gain[k, j]
+        for j in range(n):
+            gain[r, j] /= factor[r, r]
+    correction[:] = 0.0
+    for r in range(rows):
+        for j in range(n):
+            correction[j] += gain[r, j] * innovation[r]
+    spread = np.zeros((rows, n))  # S K' - H P
+    for r in range(rows):
+        for k in range(rows):
+            for j in range(n):
+                spread[r, j] += s[r, k] * gain[k, j]
+        for j in range(n):
+            spread[r, j] -= hp[r, j]
     for i in range(n):
         for r in range(rows):
-            column[r] = -hp[r, i]
-            for k in range(rows):
-                column[r] += gain[i, k] * s[k, r]
-        for j in range(i, n):
-            total = covariance[i, j]
-            for r in range(rows):
-                total += column[r] * gain[j, r] - gain[i, r] * hp[r, j]
-            covariance[i, j] = total
-            covariance[j, i] = total
+            left, right = spread[r, i], gain[r, i]
+            for j in range(i, n):
+                covariance[i, j] += left * gain[r, j] - right * hp[r, j]
+        for j in range(i + 1, n):
+            covariance[j, i] = covariance[i, j]
     return True
 
 
