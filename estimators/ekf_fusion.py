@@ -21,7 +21,6 @@ from estimators.ekf_model import (
     ACCEL_BIAS,
     BAROMETER_OFFSET,
     ERROR_ACCEL_BIAS,
-    ERROR_ATTITUDE,
     ERROR_BAROMETER_OFFSET,
     ERROR_GNSS_DELAY,
     ERROR_GYRO_BIAS,
@@ -143,11 +142,10 @@ def fuse_pose(state: EkfState, sample: PoseSample, nominal: Array, params: EkfPa
         return
     position_rows(nominal, position, ZERO, 0.0, state.innovation, state.jacobian)
     state.variance[:3] = std * std
-    quaternion = np.array(sample.ned_from_body)
     w, x, y, z = sample.ned_from_body
     yaw = math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
     if params.pose_attitude is PoseAttitude.FULL:
-        attitude_rows(nominal, quaternion, 3, state.innovation, state.jacobian)
+        attitude_rows(nominal, np.array(sample.ned_from_body), 3, state.innovation, state.jacobian)
         state.variance[3:5] = params.pose_tilt_std_rad**2
         state.variance[5] = params.pose_yaw_std_rad**2
         rows = 6
@@ -318,10 +316,3 @@ def fuse_rest(state: EkfState, imu: Array) -> None:
         state.jacobian[k, ERROR_VELOCITY + k] = 1.0
     state.variance[:3] = REST_STD_M_S**2
     fuse(state, "rest", state.time_s, 3)
-
-
-def tilt_std_rad(state: EkfState) -> float:
-    """Largest 1-sigma of the tilt [rad]: of the attitude error about body x and y."""
-    p = state.covariance
-    i = ERROR_ATTITUDE
-    return math.sqrt(max(p[i, i], p[i + 1, i + 1], 0.0))

@@ -27,6 +27,7 @@ import numpy as np
 from models.frames import (
     STANDARD_GRAVITY_M_S2,
     Array,
+    euler_from_quaternion,
     quaternion_from_rotation_vector,
     quaternion_multiply,
     rotation_from_quaternion,
@@ -154,24 +155,19 @@ def propagate_covariance(nominal: Array, covariance: Array, imu: Array, dt_s: fl
         covariance[i, i] += density[i] * dt_s
 
 
-@kernel("void(f8[::1], f8[:,::1], f8[::1], f8[::1], f8, f8, f8[::1])")
+@kernel("void(f8[::1], f8[:,::1], f8[:,::1], i8, f8, f8, f8[::1])")
 def predict(
-    nominal: Array,
-    covariance: Array,
-    imu_before: Array,
-    imu_after: Array,
-    share_before: float,
-    dt_s: float,
-    density: Array,
+    nominal: Array, covariance: Array, imu_ring: Array, before: int, share_before: float, dt_s: float, density: Array
 ) -> None:
-    """Advance state and covariance in place by ``dt_s`` between two IMU samples.
+    """Advance state and covariance in place by ``dt_s`` between sample ``before`` of the ring (m, 7) and the next.
 
     ``share_before`` weighs the earlier sample: 0 if a sample is the mean over the interval up to its stamp, .5 if it is
     a reading of that moment (trapezoid).
     """
+    i, j = before % imu_ring.shape[0], (before + 1) % imu_ring.shape[0]
     imu = np.empty(6)
     for k in range(6):
-        imu[k] = share_before * imu_before[k] + (1.0 - share_before) * imu_after[k]
+        imu[k] = share_before * imu_ring[i, 1 + k] + (1.0 - share_before) * imu_ring[j, 1 + k]
     propagate_covariance(nominal, covariance, imu, dt_s, density)
     propagate_nominal(nominal, imu, dt_s)
 
@@ -226,3 +222,35 @@ def predict_output(
         propagate_nominal(output, imu, imu_ring[after, 0] - now_s)
         now_s = imu_ring[after, 0]
         before = after
+
+
+@kernel("f8(f8[::1], f8[:,::1], f8[:,::1], i8, i8, f8, f8, f8[::1], f8[::1], f8[::1], f8[:,::1])")
+def carry_to_now(
+    nominal: Array,
+    covariance: Array,
+    imu_ring: Array,
+    first: int,
+    count: int,
+    share_before: float,
+    time_s: float,
+    density: Array,
+    output: Array,
+    euler_rad: Array,
+    core: Array,
+) -> float:
+    """What the filter says of the newest IMU sample: state as :func:`predict_output`, Euler angles (3,), and the
+    covariance of the 15 core states (15, 15), carried over the horizon in one step. Returns the larger variance of the
+    attitude error about body x and y at the horizon [rad^2].
+    """
+    predict_output(nominal, imu_ring, first, count, share_before, time_s, output)
+    euler_rad[:] = euler_from_quaternion(output[6:10])
+    newest = (first + count) % imu_ring.shape[0]
+    ahead_s = imu_ring[newest, 0] - time_s
+    if ahead_s > 0.0:
+        ahead = covariance.copy()
+        propagate_covariance(nominal, ahead, imu_ring[newest, 1:7].copy(), ahead_s, density)
+        core[:, :] = ahead[:15, :15]
+    else:
+        core[:, :] = covariance[:15, :15]
+    tilt_variance: float = max(covariance[6, 6], covariance[7, 7])
+    return tilt_variance

@@ -26,20 +26,12 @@ from estimators.ekf_fusion import (
     fuse_range,
     fuse_rest,
     source_alive,
-    tilt_std_rad,
 )
-from estimators.ekf_model import (
-    BAROMETER_OFFSET,
-    CORE_SIZE,
-    predict,
-    predict_output,
-    propagate_covariance,
-    propagate_nominal,
-)
+from estimators.ekf_model import BAROMETER_OFFSET, CORE_SIZE, carry_to_now, predict, propagate_nominal
 from estimators.ekf_parameters import EkfParameters
 from estimators.ekf_state import IMU_RING_SIZE, EkfOutput, EkfState, Reset, initial
 from models.estimate import Estimate
-from models.frames import Array, Geodetic, geodetic_from_ned, ned_from_geodetic
+from models.frames import Geodetic, geodetic_from_ned, ned_from_geodetic
 from models.samples import (
     AnySample,
     BarometerSample,
@@ -60,7 +52,6 @@ HORIZON_MARGIN_S = 2e-3
 HORIZON_SHRINK = 5e-3
 QUEUE_SIZE = 1000
 ATTITUDE_VALID_STD_RAD = math.radians(10.0)
-POSITION_SOURCES = ("pose", "gnss_position")
 
 Aiding = PoseSample | GnssSample | MagnetometerSample | BarometerSample | RangeSample
 
@@ -210,43 +201,43 @@ def _forget_before(state: EkfState, time_s: float) -> None:
 def _advance(state: EkfState, params: EkfParameters) -> None:
     """Bring the fusion horizon forward through IMU samples and queued measurements, in order of time."""
     target_s = state.newest_s - state.horizon_s
+    queue = state.queue
     while state.imu_fused + 1 < state.imu_count:
-        after = state.imu_row(state.imu_fused + 1)
-        until_s = float(after[0])
+        until_s = float(state.imu_ring[(state.imu_fused + 1) % IMU_RING_SIZE, 0])
         if until_s > target_s + SAME_TIME_S:
             break
-        before = state.imu_row(state.imu_fused)[1:]
-        while state.queue and state.queue[0][0] <= until_s - SAME_TIME_S:
-            _fuse_first(state, before, after[1:], params)
-        _predict(state, before, after[1:], until_s - state.time_s)
-        state.time_s = until_s
+        while queue and queue[0][0] <= until_s - SAME_TIME_S:
+            _fuse_first(state, params)
+        _predict(state, until_s)
         state.imu_fused += 1
-        while state.queue and state.queue[0][0] <= until_s:
-            _fuse_first(state, after[1:], after[1:], params)
+        while queue and queue[0][0] <= until_s:
+            _fuse_first(state, params)
         if params.drag_1_s > 0.0:
-            fuse_drag(state, after[1:], params)
+            fuse_drag(state, state.imu_row(state.imu_fused)[1:], params)
         if not state.positioned:
-            fuse_rest(state, after[1:])
+            fuse_rest(state, state.imu_row(state.imu_fused)[1:])
 
 
-def _predict(state: EkfState, before: Array, after: Array, dt_s: float) -> None:
-    predict(state.nominal, state.covariance, before, after, state.share_before, dt_s, state.density)
+def _predict(state: EkfState, until_s: float) -> None:
+    """Advance the horizon within the interval after the last fused IMU sample."""
+    dt_s = until_s - state.time_s
+    predict(state.nominal, state.covariance, state.imu_ring, state.imu_fused, state.share_before, dt_s, state.density)
+    state.time_s = until_s
 
 
-def _fuse_first(state: EkfState, before: Array, after: Array, params: EkfParameters) -> None:
+def _fuse_first(state: EkfState, params: EkfParameters) -> None:
     """Fuse the first queued measurement: go to its time, or, if that has passed, carry the state back to compare."""
     true_s, _, _, sample = state.queue.pop(0)
     ahead_s = true_s - state.time_s
     nominal = state.nominal
     if ahead_s > SAME_TIME_S:
-        _predict(state, before, after, ahead_s)
-        state.time_s = true_s
+        _predict(state, true_s)
     elif ahead_s < -params.late_tolerance_s:
         state.dropped += 1
         return
     elif ahead_s < 0.0:
         nominal = state.nominal.copy()
-        propagate_nominal(nominal, before, ahead_s)
+        propagate_nominal(nominal, state.imu_row(state.imu_fused)[1:], ahead_s)
     match sample:
         case PoseSample():
             fuse_pose(state, sample, nominal, params)
@@ -264,31 +255,35 @@ def _fuse_first(state: EkfState, before: Array, after: Array, params: EkfParamet
 
 def _estimate(state: EkfState, params: EkfParameters) -> Estimate:
     """State and covariance carried from the horizon to the newest IMU sample."""
-    newest = state.imu_row(state.imu_count - 1)
-    ahead_s = float(newest[0]) - state.time_s
-    nominal = state.predicted
-    count = state.imu_count - 1 - state.imu_fused
-    predict_output(state.nominal, state.imu_ring, state.imu_fused, count, state.share_before, state.time_s, nominal)
-    covariance = state.covariance
-    if ahead_s > 0.0:
-        covariance = covariance.copy()
-        propagate_covariance(state.nominal, covariance, newest[1:].copy(), ahead_s, state.density)
-    px, py, pz, vx, vy, vz, qw, qx, qy, qz, gx, gy, gz, ax, ay, az = nominal[:16].tolist()
-    _, p, q, r, _, _, _ = newest.tolist()
+    nominal, euler, core = state.predicted, np.empty(3), np.empty((CORE_SIZE, CORE_SIZE))
+    newest = state.imu_count - 1
+    tilt_variance = carry_to_now(
+        state.nominal,
+        state.covariance,
+        state.imu_ring,
+        state.imu_fused,
+        newest - state.imu_fused,
+        state.share_before,
+        state.time_s,
+        state.density,
+        nominal,
+        euler,
+        core,
+    )
+    px, py, pz, vx, vy, vz, qw, qx, qy, qz, gx, gy, gz, ax, ay, az, *_ = nominal.tolist()
+    roll, pitch, yaw = euler.tolist()
+    _, p, q, r, *_ = state.imu_row(newest).tolist()
     return Estimate(
         time_s=state.newest_s,
         position_ned_m=(px, py, pz),
         velocity_ned_m_s=(vx, vy, vz),
         ned_from_body=(qw, qx, qy, qz),
-        euler_rad=(
-            math.atan2(2.0 * (qw * qx + qy * qz), 1.0 - 2.0 * (qx * qx + qy * qy)),
-            math.asin(max(-1.0, min(1.0, 2.0 * (qw * qy - qz * qx)))),
-            math.atan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz)),
-        ),
+        euler_rad=(roll, pitch, yaw),
         rates_body_rad_s=(p - gx, q - gy, r - gz),
         gyro_bias_rad_s=(gx, gy, gz),
         accel_bias_m_s2=(ax, ay, az),
-        covariance=np.ascontiguousarray(covariance[:CORE_SIZE, :CORE_SIZE]),
-        position_valid=state.positioned and any(source_alive(state, name, params) for name in POSITION_SOURCES),
-        attitude_valid=tilt_std_rad(state) < ATTITUDE_VALID_STD_RAD,
+        covariance=core,
+        position_valid=state.positioned
+        and (source_alive(state, "pose", params) or source_alive(state, "gnss_position", params)),
+        attitude_valid=tilt_variance < ATTITUDE_VALID_STD_RAD**2,
     )

@@ -17,7 +17,8 @@ from fastapi.responses import Response
 
 from gcs.commands import Answer, AnyCommand
 from gcs.commands import Request as StationRequest
-from web import design, runs
+from models.arrays import Array
+from web import runs, tables
 from web.auth import Session, SessionStore
 from web.scene import VIEWS, Scene
 from web.stream import Feed, event_fields, signal_table
@@ -165,27 +166,32 @@ def _add_commands(router: APIRouter, station: Station) -> None:
         return {"view": view}
 
 
+def _predicted(wanted: tables.DesignRequest, status: dict[str, Any] | None, frame: Array | None) -> Any:
+    """A prediction; its code takes seconds to load, which is left to the warm-up so that the page opens at once."""
+    from web.design import predict_change
+
+    return predict_change(wanted, status, frame)
+
+
 def _add_design(router: APIRouter, station: Station) -> None:
     @router.get("/trajectories")
     async def trajectories() -> list[dict[str, Any]]:
         """Kinds of trajectory with their fields, units, ranges and defaults."""
-        return design.trajectory_table()
+        return tables.trajectory_table()
 
     @router.get("/gains")
     async def gains() -> dict[str, Any]:
         """The table of every gain, the named sets, and the set that flies."""
-        return design.gains_answer(station.feed.status)
+        return tables.gains_answer(station.feed.status)
 
     @router.post("/design")
     async def predict(request: Request) -> Response:
         """Poles, margins and steps of the live and of the staged gain set: {"controller", "changes": {key: value}}."""
         try:
-            wanted = msgspec.json.decode(await request.body(), type=design.DesignRequest)
-            report = await to_thread.run_sync(
-                design.predict_change, wanted, station.feed.status, station.feed.newest_signals()
-            )
+            wanted = msgspec.json.decode(await request.body(), type=tables.DesignRequest)
+            report = await to_thread.run_sync(_predicted, wanted, station.feed.status, station.feed.newest_signals())
         except msgspec.DecodeError as error:
             raise HTTPException(422, readable(error)) from error
-        except design.DesignError as error:
+        except tables.DesignError as error:
             raise HTTPException(422, str(error)) from error
         return json_response(report)

@@ -17,17 +17,17 @@ from typing import Any
 
 import numpy as np
 import viser
+from viser.transforms import SO3
 
 from gcs.signals import SLICES
 from models.arrays import Array
-from models.frames import quaternion_multiply
 from models.parameters import load_quadrotor
 
 VIEWS = ("free", "chase", "top", "north")
 
 ENU_FROM_NED: Array = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-# The same rotation as a quaternion w, x, y, z: half a turn about north-east.
-_ENU_FROM_NED_Q: Array = np.array([0.0, math.sqrt(0.5), math.sqrt(0.5), 0.0])
+# The same rotation: half a turn about north-east.
+_ENU_FROM_NED_R = SO3(np.array([0.0, math.sqrt(0.5), math.sqrt(0.5), 0.0]))
 
 TRAIL_S = 30.0
 _TRAIL_STEP_S = 0.1
@@ -70,7 +70,7 @@ def enu_from_ned(vector_ned: Array) -> Array:
 
 def enu_from_frd_quaternion(ned_from_body: Array) -> Array:
     """Attitude of the body (front, right, down) in viser's world, w, x, y, z."""
-    return quaternion_multiply(_ENU_FROM_NED_Q, np.ascontiguousarray(ned_from_body))
+    return np.asarray((_ENU_FROM_NED_R @ SO3(np.asarray(ned_from_body))).wxyz)
 
 
 def ellipsoid(covariance_ned: Array) -> tuple[Array, Array]:

@@ -14,7 +14,6 @@ from anyio import to_thread
 from gcs.bus import Backlog, Bus, BusError, Topic, decode_event, decode_recording, open_client
 from gcs.commands import Answer, Request
 from models.arrays import Array
-from web.design import warm_up
 from web.scene import TRAIL_S, Scene
 from web.stream import Feed
 
@@ -48,7 +47,7 @@ class StationLink:
         tasks = [
             asyncio.create_task(self._connect()),
             asyncio.create_task(self._draw()),
-            asyncio.create_task(to_thread.run_sync(warm_up)),
+            asyncio.create_task(to_thread.run_sync(_warm_up)),
         ]
         for task in tasks:
             task.add_done_callback(_report_failure)
@@ -137,3 +136,10 @@ def _call_soon(loop: asyncio.AbstractEventLoop, take: Callable[[bytes], None], p
     """Hand a payload from a thread of zenoh to the event loop, unless that has just been closed."""
     if not loop.is_closed():
         loop.call_soon_threadsafe(take, payload)
+
+
+def _warm_up() -> None:
+    """Load the code of predictions in the background, after the page can be opened."""
+    from web.design import warm_up
+
+    warm_up()

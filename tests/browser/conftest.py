@@ -28,4 +28,6 @@ def dashboard(station: StationProcess) -> Iterator[Page]:
 def page(dashboard: Page) -> Iterator[Page]:
     rest(dashboard)
     yield dashboard
+    for event in dashboard.request.get(f"{dashboard.url}api/events?limit=30").json():
+        print(f"{event['t_s']:8.1f} {event['level']:9} {event['text']}")  # shown when a test fails
     assert dashboard.evaluate("window.violations") == []

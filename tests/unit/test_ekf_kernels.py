@@ -10,7 +10,7 @@ import pytest
 from estimators import ekf_measurements as rows
 from estimators import ekf_model as model
 from estimators.kalman import cholesky_in_place, gate_thresholds, joseph_update, reset_block
-from models.frames import Array, quaternion_from_rotation_vector, rotation_from_quaternion
+from models.frames import Array, euler_from_quaternion, quaternion_from_rotation_vector, rotation_from_quaternion
 from tests.unit.ekf_rig import product
 
 GRAVITY = np.array([0.0, 0.0, 9.80665])
@@ -138,7 +138,9 @@ def test_predict_weighs_two_samples(share_before: float) -> None:
     y, q = x.copy(), p.copy()
     model.propagate_covariance(y, q, mean, 0.01, density)
     model.propagate_nominal(y, mean, 0.01)
-    model.predict(x, p, IMU, later, share_before, 0.01, density)
+    ring = np.zeros((3, 7))
+    ring[2, 1:], ring[0, 1:] = IMU, later
+    model.predict(x, p, ring, 5, share_before, 0.01, density)
     assert x == pytest.approx(y, abs=1e-15)
     assert p == pytest.approx(q, abs=1e-13)
 
@@ -157,6 +159,14 @@ def test_output_prediction_runs_through_the_ring_and_its_end() -> None:
         model.propagate_nominal(twin, 0.5 * (samples[k - 1][1:] + samples[k][1:]), samples[k][0] - now_s)
         now_s = samples[k][0]
     assert output == pytest.approx(twin, abs=1e-14)
+    p, euler, core = a_covariance(), np.empty(3), np.empty((15, 15))
+    density = np.ones(model.ERROR_SIZE)
+    tilt = model.carry_to_now(x, p, ring, 2, 3, 0.5, 0.25, density, output, euler, core)
+    assert output == pytest.approx(twin, abs=1e-14)
+    assert euler == pytest.approx(euler_from_quaternion(np.ascontiguousarray(twin[6:10])))
+    assert tilt == max(p[6, 6], p[7, 7])
+    model.propagate_covariance(x, p, samples[5][1:].copy(), 0.25, density)
+    assert core == pytest.approx(p[:15, :15], abs=1e-12)
 
 
 def test_injection_matches_the_definition_and_turns_the_covariance() -> None:

@@ -12,18 +12,11 @@ import pytest
 from controllers.gains import edited, load_gain_set, values
 from gcs.commands import AnyCommand
 from gcs.signals import FRAME_SIZE, SIGNALS, SLICES, empty_frame
-from web.design import (
-    DesignError,
-    DesignRequest,
-    gains_answer,
-    newest_set,
-    predict_change,
-    predicted_jump,
-    trajectory_table,
-)
+from web.design import predict_change, predicted_jump
 from web.routes import command_types, readable, struct_schemas
 from web.runs import list_runs
 from web.stream import signal_table
+from web.tables import DesignError, DesignRequest, gains_answer, newest_set, trajectory_table
 
 
 def test_signal_table_covers_the_frame_without_gap() -> None:
