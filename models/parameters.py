@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from models.frames import Array
+from models.arrays import Array
 
 PARAMETER_FOLDER = Path(__file__).parent / "params"
 
