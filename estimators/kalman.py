@@ -42,6 +42,58 @@ def cholesky_in_place(matrix: Array, size: int) -> bool:
     return True
 
 
+@kernel("void(f8[:,::1], f8[:,::1], f8[::1], f8[:,::1], f8[:,::1])")
+def innovation_covariance(covariance: Array, jacobian: Array, variance: Array, hp: Array, s: Array) -> None:
+    """H P into ``hp`` (m, n) and S = H P H' + diag(variance) into ``s`` (m, m), for the first m rows of ``jacobian``."""
+    rows, n = hp.shape
+    hp[:, :] = 0.0
+    s[:, :] = 0.0
+    for r in range(rows):
+        for k in range(n):
+            h = jacobian[r, k]
+            if h != 0.0:
+                for j in range(n):
+                    hp[r, j] += h * covariance[k, j]
+    for r in range(rows):
+        for c in range(rows):
+            for k in range(n):
+                s[r, c] += hp[r, k] * jacobian[c, k]
+        s[r, r] += variance[r]
+
+
+@kernel("f8(f8[:,::1], f8[::1])")
+def normalised_square(factor: Array, innovation: Array) -> float:
+    """e' S^-1 e from the lower Cholesky factor (m, m) of S and the first m entries of ``innovation``."""
+    rows = factor.shape[0]
+    white = np.empty(rows)
+    total = 0.0
+    for r in range(rows):
+        entry = innovation[r]
+        for k in range(r):
+            entry -= factor[r, k] * white[k]
+        white[r] = entry / factor[r, r]
+        total += white[r] * white[r]
+    return total
+
+
+@kernel("void(f8[:,::1], f8[:,::1])")
+def solve_rows(factor: Array, rows_of: Array) -> None:
+    """S^-1 X in place of X = ``rows_of`` (m, n): forward and back substitution, inner loops along memory."""
+    rows, n = rows_of.shape
+    for r in range(rows):
+        for k in range(r):
+            for j in range(n):
+                rows_of[r, j] -= factor[r, k] * rows_of[k, j]
+        for j in range(n):
+            rows_of[r, j] /= factor[r, r]
+    for r in range(rows - 1, -1, -1):
+        for k in range(r + 1, rows):
+            for j in range(n):
+                rows_of[r, j] -= factor[k, r] * rows_of[k, j]
+        for j in range(n):
+            rows_of[r, j] /= factor[r, r]
+
+
 @kernel("b1(f8[:,::1], f8[::1], f8[:,::1], f8[::1], i8, f8, f8[::1], f8[::1])")
 def joseph_update(
     covariance: Array,
@@ -63,62 +115,28 @@ def joseph_update(
     accepted.
     """
     n = covariance.shape[0]
-    hp = np.zeros((rows, n))
+    hp = np.empty((rows, n))
+    s = np.empty((rows, rows))
+    innovation_covariance(covariance, jacobian, variance, hp, s)
     for r in range(rows):
-        for k in range(n):
-            h = jacobian[r, k]
-            if h != 0.0:
-                for j in range(n):
-                    hp[r, j] += h * covariance[k, j]
-    s = np.zeros((rows, rows))
-    for r in range(rows):
-        for c in range(rows):
-            for k in range(n):
-                s[r, c] += hp[r, k] * jacobian[c, k]
-        s[r, r] += variance[r]
         report[2 + r] = s[r, r]
     factor = s.copy()
-    if not cholesky_in_place(factor, rows):
-        report[0] = np.inf
-        report[1] = np.inf
-        return False
-    white = np.empty(rows)
-    nis = 0.0
-    for r in range(rows):
-        total = innovation[r]
-        for k in range(r):
-            total -= factor[r, k] * white[k]
-        white[r] = total / factor[r, r]
-        nis += white[r] * white[r]
+    nis = normalised_square(factor, innovation) if cholesky_in_place(factor, rows) else np.inf
     report[0] = nis
     report[1] = nis / threshold
-    if nis > threshold:
+    if not nis <= threshold:
         return False
-    # K' = S^-1 H P by forward and back substitution, row by row so that the inner loops run along memory.
-    gain = hp.copy()
-    for r in range(rows):
-        for k in range(r):
-            for j in range(n):
-                gain[r, j] -= factor[r, k] * gain[k, j]
-        for j in range(n):
-            gain[r, j] /= factor[r, r]
-    for r in range(rows - 1, -1, -1):
-        for k in range(r + 1, rows):
-            for j in range(n):
-                gain[r, j] -= factor[k, r] * gain[k, j]
-        for j in range(n):
-            gain[r, j] /= factor[r, r]
+    gain = hp.copy()  # K' = S^-1 H P
+    solve_rows(factor, gain)
     correction[:] = 0.0
+    spread = np.zeros((rows, n))  # S K' - H P
     for r in range(rows):
         for j in range(n):
             correction[j] += gain[r, j] * innovation[r]
-    spread = np.zeros((rows, n))  # S K' - H P
-    for r in range(rows):
+            spread[r, j] -= hp[r, j]
         for k in range(rows):
             for j in range(n):
                 spread[r, j] += s[r, k] * gain[k, j]
-        for j in range(n):
-            spread[r, j] -= hp[r, j]
     for i in range(n):
         for r in range(rows):
             left, right = spread[r, i], gain[r, i]

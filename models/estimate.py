@@ -1,4 +1,4 @@
-"""What an estimator says and what a controller hears: the types that pass between rooms which never import each other."""
+"""What an estimator says and a controller hears: the types that pass between rooms which never import each other."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from models.arrays import Array, Quaternion, Vec3
 class Innovation:
     """One measurement update of a filter. Rejection is data: a rejected update is reported just the same.
 
-    ``innovation`` and ``variance`` (diagonal of S) have one entry per row of the measurement, in the unit of ``source``;
+    ``innovation`` and ``variance`` (diagonal of S) have one entry per row of the measurement, in its unit;
     ``nis`` is e' S^-1 e, ``gate_ratio`` is nis over its threshold (above 1 is rejected).
     """
 

@@ -1,4 +1,4 @@
-"""One typed door to numba: every kernel states its signature, so it is compiled or loaded at import, never in flight."""
+"""One typed door to numba: every kernel states its signature, so it is ready at import and never compiles in flight."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ def load_values(path: Path, units: dict[str, str]) -> dict[str, Any]:
     for key, unit in units.items():
         table = tables.get(key)
         if not isinstance(table, dict) or not {"value", "unit", "source"} <= set(table):
-            raise ParameterError(f"{path}: [{key}] needs value, unit = \"{unit}\" and source")
+            raise ParameterError(f'{path}: [{key}] needs value, unit = "{unit}" and source')
         if table["unit"] != unit:
             raise ParameterError(f"{path}: [{key}] unit is '{table['unit']}', expected '{unit}'")
         values[key] = table["value"]

@@ -21,7 +21,7 @@ class StepSocketError(ConnectionError):
 
 
 class SocketVehicle:
-    """The driver's end; a :class:`gcs.offboard.lockstep.SteppedVehicle`. Loopback UDP loses nothing that fits its buffer.
+    """The driver's end; a :class:`gcs.offboard.lockstep.SteppedVehicle`. Loopback UDP loses nothing that fits.
 
     ``link`` is a UDP socket bound to the port the vehicle sends to; it is closed with the vehicle.
     """

@@ -9,7 +9,15 @@ import pytest
 
 from estimators import ekf_measurements as rows
 from estimators import ekf_model as model
-from estimators.kalman import cholesky_in_place, gate_thresholds, joseph_update, reset_block
+from estimators.kalman import (
+    cholesky_in_place,
+    gate_thresholds,
+    innovation_covariance,
+    joseph_update,
+    normalised_square,
+    reset_block,
+    solve_rows,
+)
 from models.frames import Array, euler_from_quaternion, quaternion_from_rotation_vector, rotation_from_quaternion
 from tests.unit.ekf_rig import product
 
@@ -217,6 +225,27 @@ def test_cholesky_and_reset_block() -> None:
     assert p[2, 2] == 9.0
     assert np.count_nonzero(p[1:3]) == 2
     assert np.count_nonzero(p[:, 1:3]) == 2
+
+
+def test_parts_of_the_update_match_their_twins() -> None:
+    p, h, variance = a_covariance(7), np.random.default_rng(6).standard_normal((6, 7)), np.linspace(0.1, 0.6, 6)
+    hp, s = np.empty((3, 7)), np.empty((3, 3))
+    innovation_covariance(p, h, variance, hp, s)
+    assert hp == pytest.approx(h[:3] @ p)
+    assert s == pytest.approx(h[:3] @ p @ h[:3].T + np.diag(variance[:3]))
+    e = np.array([0.3, -0.2, 0.9])
+    factor = np.ascontiguousarray(np.linalg.cholesky(s))
+    assert normalised_square(factor, e) == pytest.approx(e @ np.linalg.solve(s, e))
+    solved = hp.copy()
+    solve_rows(factor, solved)
+    assert solved == pytest.approx(np.linalg.solve(s, hp))
+
+
+def test_a_covariance_that_is_none_is_refused() -> None:
+    p = -np.eye(4)
+    h, e, report = np.eye(6, 4), np.zeros(6), np.zeros(8)
+    assert not joseph_update(p, e, h, np.full(6, 0.1), 2, 10.0, np.zeros(4), report)
+    assert np.isinf(report[0])
 
 
 def test_gate_thresholds_are_those_of_the_chi_square() -> None:
