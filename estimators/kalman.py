@@ -44,7 +44,7 @@ def cholesky_in_place(matrix: Array, size: int) -> bool:
 
 @kernel("void(f8[:,::1], f8[:,::1], f8[::1], f8[:,::1], f8[:,::1])")
 def innovation_covariance(covariance: Array, jacobian: Array, variance: Array, hp: Array, s: Array) -> None:
-    """H P into ``hp`` (m, n) and S = H P H' + diag(variance) into ``s`` (m, m), for the first m rows of ``jacobian``."""
+    """H P into ``hp`` (m, n) and S = H P H' + diag(variance) into ``s`` (m, m), of the first m rows of H."""
     rows, n = hp.shape
     hp[:, :] = 0.0
     s[:, :] = 0.0

@@ -1,4 +1,4 @@
-"""Reads a run back as evidence: re-ticks its inputs, compares every hash, and looks at the torque where gains changed."""
+"""Reads a run back as evidence: re-ticks its inputs, compares every hash, looks at the torque where gains changed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from models.arrays import Array
 
 
 def reticked(run: Path, vehicle: Path) -> Array:
-    """Signal frames (ticks, size) of a recorded run, ticked anew; fails where one differs from the recording by a bit."""
+    """Signal frames (ticks, size) of a recorded run, ticked anew; fails where one differs by a bit."""
     config = read_offboard_config(vehicle)
     state = initial(config, 0.0)
     frames: list[Array] = []

@@ -29,5 +29,5 @@ def page(dashboard: Page) -> Iterator[Page]:
     rest(dashboard)
     yield dashboard
     for event in dashboard.request.get(f"{dashboard.url}api/events?limit=30").json():
-        print(f"{event['t_s']:8.1f} {event['level']:9} {event['text']}")  # shown when a test fails
+        print(event["t_s"], event["level"], event["text"])  # shown when a test fails
     assert dashboard.evaluate("window.violations") == []

@@ -67,12 +67,16 @@ def _free_port() -> int:
 
 @contextmanager
 def running_station(folder: Path) -> Iterator[StationProcess]:
-    """``gcs up --sim quadrotor`` on free ports, ready to be logged in to; stopped with Ctrl-C's signal."""
+    """``gcs up --sim quadrotor`` on free ports, ready to be logged in to; stopped with Ctrl-C's signal.
+
+    At half speed: a browser without a graphics card takes the processor, and to a vehicle in flight a simulation that
+    stalls for a tenth of its second is a lost estimate, rightly answered by landing.
+    """
     if not (ROOT / "web" / "static" / "index.html").is_file():
         pytest.skip("no dashboard bundle: python hatch_build.py")
     runtime, runs = folder / "rt", folder / "runs"
-    command = [sys.executable, "-m", "gcs.cli", "up", "--sim", "quadrotor", "--seed", "7", "--no-browser"]
-    command += ["--port", str(_free_port()), "--runtime", str(runtime), "--runs", str(runs)]
+    command = [sys.executable, "-m", "gcs.cli", "up", "--sim", "quadrotor", "--seed", "7", "--speed", "0.5"]
+    command += ["--no-browser", "--port", str(_free_port()), "--runtime", str(runtime), "--runs", str(runs)]
     process = subprocess.Popen(
         command, cwd=ROOT, env={**os.environ, "OPENBLAS_NUM_THREADS": "1"}, text=True, stdout=subprocess.PIPE
     )

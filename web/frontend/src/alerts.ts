@@ -13,7 +13,7 @@ let nextId = 1;
 
 function utcOf(event: StationEvent): number {
   const status = state.status;
-  return status ? status.utc_s + (event.t_s - status.t_s) : Date.now() / 1000;
+  return status && event.t_s !== null ? status.utc_s + (event.t_s - status.t_s) : Date.now() / 1000;
 }
 
 function logged(event: StationEvent, acknowledged: boolean): LoggedEvent {
@@ -23,8 +23,8 @@ function logged(event: StationEvent, acknowledged: boolean): LoggedEvent {
 // Repeats of one sentence collapse into one row with a count.
 export function log(event: StationEvent): void {
   const newest = state.events[0];
-  if (newest && newest.text === event.text && newest.level === event.level && event.t_s - newest.t_s < REPEAT_S) {
-    const merged = { ...newest, t_s: event.t_s, utc_s: utcOf(event), count: newest.count + 1, receivedMs: performance.now() };
+  if (newest && newest.text === event.text && newest.level === event.level && utcOf(event) - newest.utc_s < REPEAT_S) {
+    const merged = { ...newest, ...event, utc_s: utcOf(event), count: newest.count + 1, receivedMs: performance.now() };
     update({ events: [merged, ...state.events.slice(1)] });
     return;
   }
@@ -33,7 +33,7 @@ export function log(event: StationEvent): void {
 
 // Old events are history, not alerts: they come in acknowledged.
 export function seedEvents(events: StationEvent[]): void {
-  update({ events: [...events].sort((a, b) => b.t_s - a.t_s).map((event) => logged(event, true)) });
+  update({ events: [...events].reverse().map((event) => logged(event, true)) });
 }
 
 // A warning stays until acknowledged; a caution and an advisory leave the bar after a minute, a caution keeps its shape in the log.

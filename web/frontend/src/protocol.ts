@@ -20,7 +20,8 @@ export interface Session {
 }
 
 export interface StationEvent {
-  t_s: number;
+  // Vehicle time; null for what happened outside of the flight process.
+  t_s: number | null;
   level: Level;
   text: string;
   source: string;

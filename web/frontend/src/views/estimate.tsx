@@ -55,7 +55,7 @@ const CHARTS: ChartSpec[] = [
 
 const LAST: ChartSpec[] = [
   {
-    id: "nis", title: "Innovation, normalised", sub: "per degree of freedom", yLabel: "NIS (no unit)", decimals: 2, range: { kind: "span", steps: [4, 8, 16, 64] },
+    id: "nis", title: "NIS", sub: "per degree of freedom", yLabel: "NIS (no unit)", decimals: 2, range: { kind: "span", steps: [4, 8, 16, 64] },
     traces: [{ label: "latest", token: "trace1", read: signal("estimate.nis") }], limits: [{ value: 1, text: "expected 1" }],
   },
   {
@@ -63,7 +63,7 @@ const LAST: ChartSpec[] = [
     traces: ["x", "y", "z"].map((label, k) => ({ label, token: `trace${k + 1}`, read: signal("estimate.gyro_bias", k, RAD_TO_DEG) })),
   },
   {
-    id: "accel-bias", title: "Accelerometer bias", sub: "body", yLabel: "bias, m/s²", decimals: 3, range: { kind: "about", steps: [0.2, 0.5, 1, 4] },
+    id: "accel-bias", title: "Accel bias", sub: "body", yLabel: "bias, m/s²", decimals: 3, range: { kind: "about", steps: [0.2, 0.5, 1, 4] },
     traces: ["x", "y", "z"].map((label, k) => ({ label, token: `trace${k + 1}`, read: signal("estimate.accel_bias", k) })),
   },
 ];
