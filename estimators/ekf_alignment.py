@@ -58,7 +58,7 @@ def align(
     if pose is not None:
         quaternion = np.array(pose.ned_from_body)
         roll, pitch, yaw = euler_from_quaternion(quaternion / np.linalg.norm(quaternion)).tolist()
-        tilt_std, yaw_std = max(params.pose_tilt_std_rad, 0.02), params.pose_yaw_std_rad
+        tilt_std, yaw_std = params.pose_tilt_std_rad, params.pose_yaw_std_rad
     elif magnetometer is not None and params.use_magnetometer:
         yaw, horizontal_t = _magnetic_heading(roll, pitch, np.array(magnetometer.field_body_t))
         yaw += _declination_rad(state, params) or 0.0

@@ -16,8 +16,9 @@ CELLS = ["vehicle", "link", "signing", "mode", "estimator", "controller", "compe
 CELLS += ["time", "recording"]  # always in this order
 
 _OVERFLOWING = """
-[...document.querySelectorAll(".panel, .cell, .bar, .rail")]
-  .filter((e) => e.offsetParent && (e.scrollWidth > e.clientWidth + 1 || e.scrollHeight > e.clientHeight + 1))
+[...document.querySelectorAll(".panel, .cell, .bar, .rail, .scroll")]
+  .filter((e) => e.offsetParent)
+  .filter((e) => e.scrollWidth > e.clientWidth + 1 || (e.scrollHeight > e.clientHeight + 1 && !e.matches(".scroll")))
   .map((e) => [e.className, e.dataset.testid, e.scrollWidth - e.clientWidth, e.scrollHeight - e.clientHeight])
 """
 _SCROLLS = "[document.documentElement.scrollWidth - innerWidth, document.documentElement.scrollHeight - innerHeight]"
@@ -137,6 +138,22 @@ def test_fields_out_of_range_are_marked_and_offboard_comes_first(page: Page) -> 
     expect(at(page, "trajectory-radius_m")).to_have_attribute("aria-invalid", "true")
     expect(at(page, "fly-trajectory")).to_be_disabled()  # not in offboard
     at(page, "trajectory-radius_m").fill("0.8")
+
+
+def test_a_lost_link_makes_every_value_stale_and_keeps_the_keys(page: Page, station: StationProcess) -> None:
+    simulator = station.child("sitl")
+    os.kill(simulator, signal.SIGSTOP)
+    try:
+        expect(at(page, "strip-link")).to_contain_text("Lost", timeout=SLOW_MS)
+        expect(at(page, "strip-mode")).to_contain_text("Failsafe expected: hold")
+        expect(at(page, "bar-notice")).to_contain_text("Link lost")
+        expect(at(page, "state-table")).to_contain_text("s old")
+        expect(at(page, "state-north-estimate")).to_have_class("stale")
+        expect(at(page, "key-hold")).to_be_enabled()
+    finally:
+        os.kill(simulator, signal.SIGCONT)
+    expect(at(page, "strip-link")).to_contain_text("%", timeout=SLOW_MS)
+    expect(at(page, "state-north-estimate")).to_have_class("strong")
 
 
 def test_a_lost_station_is_said_and_comes_back(page: Page, station: StationProcess) -> None:

@@ -109,6 +109,7 @@ class Rig:
     accel_bias: Array = field(default_factory=lambda: np.zeros(3))
     pose_every: int = 1
     pose_std_m: float = 2e-3
+    tilt_std_rad: float = 1e-2
     yaw_std_rad: float = 1e-2
     gnss_every: int = 0
     gnss_std_m: float = 0.5
@@ -169,7 +170,9 @@ class Rig:
     def pose(self, t: float) -> PoseSample:
         position = self.path.position(t) + self.pose_std_m * self.rng.standard_normal(3)
         roll, pitch, yaw = euler_from_quaternion(self.path.quaternion(t)).tolist()
-        yaw += self.yaw_std_rad * float(self.rng.standard_normal())
+        noise = self.rng.standard_normal(3).tolist()
+        roll, pitch = roll + self.tilt_std_rad * noise[0], pitch + self.tilt_std_rad * noise[1]
+        yaw += self.yaw_std_rad * noise[2]
         q = quaternion_from_euler(roll, pitch, yaw).tolist()
         return PoseSample(time_s=t, arrival_s=t, position_ned_m=_vec(position), ned_from_body=(q[0], q[1], q[2], q[3]))
 

@@ -77,21 +77,29 @@ export function gapPainter(gaps: () => Gap[], named: () => boolean): (u: uPlot) 
   };
 }
 
-export function limitPainter(limits: { value: number; text: string }[]): (u: uPlot) => void {
+export interface Limit {
+  value: number;
+  text: string;
+  // A value that is expected rather than a limit is drawn as a reference.
+  expected?: boolean;
+}
+
+export function limitPainter(limits: Limit[]): (u: uPlot) => void {
   return (u) => {
     const { ctx, bbox } = u;
     ctx.save();
     for (const limit of limits) {
       const y = u.valToPos(limit.value, "y", true);
       if (y < bbox.top || y > bbox.top + bbox.height) continue;
-      ctx.strokeStyle = colour("caution");
+      const ink = colour(limit.expected ? "reference" : "caution");
+      ctx.strokeStyle = ink;
       ctx.setLineDash([5 * devicePixelRatio, 4 * devicePixelRatio]);
       ctx.lineWidth = devicePixelRatio;
       ctx.beginPath();
       ctx.moveTo(bbox.left, y);
       ctx.lineTo(bbox.left + bbox.width, y);
       ctx.stroke();
-      ctx.fillStyle = colour("caution");
+      ctx.fillStyle = ink;
       ctx.font = `${11 * devicePixelRatio}px ${getComputedStyle(document.documentElement).getPropertyValue("--condensed")}`;
       ctx.textAlign = "left";
       ctx.textBaseline = "bottom";

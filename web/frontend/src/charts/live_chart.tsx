@@ -10,7 +10,7 @@ import { state, update } from "../store";
 import { colour, themeVersion } from "../theme";
 import { cursorTime, setCursorTime } from "./cursor";
 import { decimate, type Drawn, type Reader } from "./decimate";
-import { axes, gapPainter, limitPainter } from "./dressing";
+import { axes, gapPainter, type Limit, limitPainter } from "./dressing";
 import { type RangeSpec, StepRange } from "./ranges";
 import { liveTimeS } from "./clock";
 
@@ -32,7 +32,7 @@ export interface ChartSpec {
   range: RangeSpec;
   traces: Trace[];
   bands?: [number, number][];
-  limits?: { value: number; text: string }[];
+  limits?: Limit[];
   namesGap?: boolean;
 }
 

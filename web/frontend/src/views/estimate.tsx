@@ -56,7 +56,7 @@ const CHARTS: ChartSpec[] = [
 const LAST: ChartSpec[] = [
   {
     id: "nis", title: "NIS", sub: "per degree of freedom", yLabel: "NIS (no unit)", decimals: 2, range: { kind: "span", steps: [4, 8, 16, 64] },
-    traces: [{ label: "latest", token: "trace1", read: signal("estimate.nis") }], limits: [{ value: 1, text: "expected 1" }],
+    traces: [{ label: "latest", token: "trace1", read: signal("estimate.nis") }], limits: [{ value: 1, text: "expected 1", expected: true }],
   },
   {
     id: "gyro-bias", title: "Gyro bias", sub: "body", yLabel: "bias, °/s", decimals: 2, range: { kind: "about", steps: [0.5, 1, 2, 8, 20] },

@@ -23,7 +23,7 @@ const CHARTS: ChartSpec[] = [
     traces: [{ label: "all", token: "trace1", read: signal("link.rate") }],
   },
   {
-    id: "tick", title: "Tick work", sub: "flight process", yLabel: "time, µs", decimals: 0, range: { kind: "span", steps: [400, 1000, 2000, 4000, 10000] },
+    id: "tick", title: "Tick work", sub: "flight process", yLabel: "work, µs", decimals: 0, range: { kind: "span", steps: [400, 1000, 2000, 4000, 10000] },
     traces: [{ label: "tick", token: "trace1", read: signal("tick.duration", 0, 1e6) }], limits: [{ value: 1000, text: "limit 1000 µs" }],
   },
 ];
@@ -44,7 +44,7 @@ function Counts(): JSX.Element {
     ["Messages", fixed(ring.value("link.rate"), 0), "1/s"],
     ["Ticks", String(s.ticks), ""],
     ["Tick work, 99 %", fixed(s.tick_p99_us, 0), "µs"],
-    ["Frames dropped to the hub", String(s.dropped_frames), ""],
+    ["Frames dropped", String(s.dropped_frames), ""],
   ];
   return (
     <table class="grid-table"><tbody>{rows.map(([name, value, unit]) => (
