@@ -9,6 +9,7 @@ const PERIOD_SAMPLES = 32;
 export class SignalRing {
   private columns: Float64Array[] = [];
   private index = new Map<string, SignalRow>();
+  private inertial: number[] = [];
   private frameSize = 0;
   private start = 0;
   count = 0;
@@ -19,6 +20,7 @@ export class SignalRing {
   layout(signals: SignalRow[], frameSize: number): void {
     this.index = new Map(signals.map((row) => [row.name, row]));
     this.frameSize = frameSize;
+    this.inertial = ["imu.gyro_body", "imu.accel_body"].flatMap((name) => [0, 1, 2].map((k) => this.column(name, k))).filter((c) => c >= 0);
     this.columns = Array.from({ length: frameSize }, () => new Float64Array(CAPACITY));
     this.clear();
   }
@@ -37,13 +39,20 @@ export class SignalRing {
       if (this.count > 0) {
         const last = this.newest(0);
         if (t < last - JUMP_BACK_S) this.clear();
-        else if (!(t > last)) continue;
+        else if (!(t > last) || this.repeats(values, base)) continue;
       }
       this.push(values, base);
+      this.arrivedMs = nowMs;
     }
-    this.arrivedMs = nowMs;
     this.version += 1;
     this.measurePeriod();
+  }
+
+  // The flight process also ticks by its watchdog while the vehicle is silent. Such a frame holds the last inertial
+  // sample, bit for bit; it tells nothing new of the vehicle and must not be drawn as if it did.
+  private repeats(values: Float64Array, base: number): boolean {
+    if (this.inertial.length === 0) return false;
+    return this.inertial.every((column) => values[base + column] === this.newest(column));
   }
 
   private push(values: Float64Array, base: number): void {

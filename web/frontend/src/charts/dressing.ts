@@ -10,17 +10,18 @@ function labelFont(): string {
   return `${root.getPropertyValue("--fs-label").trim()} ${root.getPropertyValue("--condensed").trim()}`;
 }
 
-// As many decimals as the spacing of the ticks needs, at most four.
-function decimalsOf(step: number): number {
+// As many decimals as the ticks need to be told exactly, at most four.
+function decimalsOf(splits: number[]): number {
+  const span = Math.max(...splits) - Math.min(...splits) || 1;
   for (let decimals = 0; decimals < 4; decimals++) {
-    if (Math.abs(step - Number(step.toFixed(decimals))) < 1e-6 * Math.abs(step)) return decimals;
+    if (splits.every((split) => Math.abs(split - Number(split.toFixed(decimals))) < 1e-6 * span)) return decimals;
   }
   return 4;
 }
 
 function numbers(splits: number[]): string[] {
-  const step = splits.length > 1 ? Number(((splits[1] as number) - (splits[0] as number)).toPrecision(3)) : 1;
-  const texts = splits.map((split) => fixed(split, decimalsOf(step)));
+  const decimals = decimalsOf(splits);
+  const texts = splits.map((split) => fixed(split, decimals));
   return texts.map((text) => (text.includes(".") ? text.replace(/\.?0+$/, "") : text));
 }
 

@@ -36,7 +36,7 @@ function banded(a: Axis): ChartSpec {
     { label: "+3σ", token: "trace1", thin: true, silent: true, read: bound(a.name, a.sigma, a.k, a.scale, 1) },
     { label: "−3σ", token: "trace1", thin: true, silent: true, read: bound(a.name, a.sigma, a.k, a.scale, -1) },
   ];
-  return { id: `estimate-${a.id}`, title: a.title, sub: "3σ band", yLabel: `${a.title.toLowerCase()}, ${a.unit}`, decimals: a.decimals, range: a.range, traces, bands: [[2, 3]] };
+  return { id: `estimate-${a.id}`, title: a.title, sub: "3σ band", yLabel: `${(a.title.split(" ")[0] ?? "").toLowerCase()}, ${a.unit}`, decimals: a.decimals, range: a.range, traces, bands: [[2, 3]] };
 }
 
 const ANGLES = { kind: "about" as const, steps: [8, 16, 32, 64, 200] };
