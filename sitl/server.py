@@ -7,6 +7,8 @@ has sent on the first link since the last answer. MAVLink traffic never moves ti
 
 from __future__ import annotations
 
+import contextlib
+import os
 import select
 import socket
 import struct
@@ -27,6 +29,17 @@ _MAX_LAG_S = 0.25
 _SPIN_S = 5e-4
 _LARGEST_DATAGRAM = 65535
 _BUFFER_BYTES = 1 << 20
+
+
+_PRIORITY = 10
+_FASTEST_REAL_TIME = 2.0
+
+
+def prefer_realtime(speed: float) -> None:
+    """Ask for SCHED_FIFO: hardware does not slow down because a browser draws. Not when fast: it would starve others."""
+    if speed <= _FASTEST_REAL_TIME and hasattr(os, "sched_setscheduler"):
+        with contextlib.suppress(PermissionError):
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
 
 
 class ServerError(ValueError):
@@ -122,6 +135,7 @@ class Server:
 
         The vehicle sleeps in select until its next event or a datagram, on a monotonic clock that never drifts.
         """
+        prefer_realtime(speed)
         simulation, sockets = self._simulation, [link.socket for link in self._links]
         start_s = time.monotonic() - simulation.time_us * 1e-6 / speed
         told = False

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from controllers.authority import VehicleScales, scales_of
 from controllers.gains import GainError, GainSet, edited, gain_set_names, load_gain_set
-from estimators.ekf_parameters import EkfParameters
+from estimators.ekf_parameters import EkfParameters, ImuSampling
 from gcs.config import ConfigError, VehicleFile, load_vehicle, parameter_file
 from gcs.mavlink.dialect import MESSAGE_IDS
 from gcs.mavlink.link import LinkConfig
@@ -45,7 +45,7 @@ def _ekf_parameters(vehicle: VehicleFile) -> EkfParameters:
     estimator = vehicle.estimator
     parameters = EkfParameters(
         gnss_delay_s=estimator.gnss_delay_s,
-        horizon_s=estimator.gnss_delay_s + 0.1,
+        imu_sampling=ImuSampling.INSTANT if vehicle.autopilot == "ardupilot" else ImuSampling.MEAN,
         declination_rad=math.radians(estimator.declination_deg),
     )
     if estimator.gyro_noise_rad_s_sqrt_hz is not None:

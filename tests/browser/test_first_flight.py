@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import re
+import time
 
 from playwright.sync_api import Page, expect
 
-from tests.browser.station import SLOW_MS, at, number, press, status, take_controls
+from tests.browser.station import ROOT, SLOW_MS, StationProcess, at, number, press, status, take_controls
+from tests.recorded_flight import assert_no_torque_jump, reticked
 
 HEIGHT_M = 2.0
+VEHICLE = ROOT / "gcs" / "vehicles" / "sim_quadrotor.toml"
+FLUSHED_S = 1.5
+"""The recorder writes to disk at least once a second."""
 GAIN = "attitude.q_roll_rate"
 
 
@@ -71,7 +76,14 @@ def _change_gain(page: Page) -> int:
     return before + 1
 
 
-def test_first_flight(page: Page) -> None:
+def _recording_shows_no_torque_jump(station: StationProcess) -> None:
+    """Ticked anew, the recorded inputs give every output to the bit; four switches, an edit and its undo: no jump."""
+    time.sleep(FLUSHED_S)
+    (run,) = station.runs.iterdir()
+    assert_no_torque_jump(reticked(run, VEHICLE), changes=6)
+
+
+def test_first_flight(page: Page, station: StationProcess) -> None:
     _take_off(page)
     _start_offboard(page)
     _fly_circle(page)
@@ -97,6 +109,7 @@ def test_first_flight(page: Page) -> None:
     at(page, "fly-tab-alerts").click()
     expect(at(page, "event-log")).to_contain_text("started by operator 1")
     at(page, "fly-tab-manoeuvre").click()
+    _recording_shows_no_torque_jump(station)
 
 
 def test_safety_keys_work_from_inside_the_scene(page: Page) -> None:

@@ -33,7 +33,7 @@ export function releaseKey(key: string): void {
   if (heldKey !== key.toLowerCase()) return;
   clearTimeout(heldTimer);
   heldKey = "";
-  for (const button of document.querySelectorAll(".bar .key.pressing")) button.classList.remove("pressing");
+  for (const button of document.querySelectorAll(".key.pressing")) button.classList.remove("pressing");
 }
 
 export function resetZoom(): void {
@@ -44,7 +44,7 @@ export function resetZoom(): void {
 function shortcut(press: Press): (() => void) | null {
   const key = press.key.toLowerCase();
   if (press.ctrlKey) {
-    if (key === "enter") return () => window.dispatchEvent(new Event("apply-staged"));
+    if (key === "enter") return () => holdKey("enter", "tune-apply", () => window.dispatchEvent(new Event("apply-staged")));
     if (key === "z") return () => window.dispatchEvent(new Event("undo-gains"));
     return null;
   }

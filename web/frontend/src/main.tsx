@@ -13,7 +13,7 @@ applyTheme();
 watchTheme();
 listenForKeys(window);
 listenForScene();
-window.addEventListener("blur", () => ["l", "g"].forEach(releaseKey));
+window.addEventListener("blur", () => ["l", "g", "enter"].forEach(releaseKey));
 render(<Frame />, document.body);
 void openSession();
 startStream();

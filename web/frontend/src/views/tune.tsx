@@ -4,11 +4,11 @@ import type { JSX } from "preact";
 import { useEffect, useMemo, useRef, useState } from "preact/hooks";
 import { undoGains } from "../actions";
 import { send, StationError } from "../api";
-import { Segments } from "../controls";
-import { type DesignWarning, type GainTables, loadGains, type Prediction, useDesign } from "../design";
+import { Key, Segments } from "../controls";
+import { type DesignReport, type DesignWarning, type GainTables, loadGains, type Prediction, useDesign } from "../design";
 import { type FlownStep, flownStep } from "../flown_step";
 import { useClock } from "../frame_loop";
-import type { GainRow } from "../protocol";
+import type { Answer, ControllerKind, GainRow } from "../protocol";
 import { airborne, holdsControls, say, useStore } from "../store";
 import { type Staged, stagedOf, type Texts } from "../staged";
 import { type Group, GROUPS, LOOP_NAMES, LOOPS, title } from "../tune_groups";
@@ -85,75 +85,131 @@ function useStaging(gainSet: number): { texts: Texts; set: (key: string, text: s
   };
 }
 
-export function TuneView(): JSX.Element {
-  const [group, setGroup] = useState<Group>("roll");
-  const [axis, setAxis] = useState("x");
-  const [why, setWhy] = useState("");
-  const [refused, setRefused] = useState("");
+interface Tuning {
+  kind: ControllerKind | null;
+  own: GainTables["controllers"]["lqr"] | null;
+  gainSet: number;
+  staging: ReturnType<typeof useStaging>;
+  staged: Staged;
+  count: number;
+  ready: boolean;
+  tookMs: number;
+  problem: string;
+  prediction: Prediction | null;
+  live: DesignReport | null;
+  next: DesignReport | null;
+}
+
+// The live set, what is staged on it, and the station's prediction of both.
+function useTuning(): Tuning {
   const kind = useStore((s) => s.status?.controller ?? null);
   const gainSet = useStore((s) => s.status?.gain_set ?? 0);
-  const canUndo = useStore((s) => (s.status?.gain_history.length ?? 0) > 1);
-  const mine = useStore(holdsControls);
-  const hold = useStore(airborne);
   const tables = useTables(gainSet);
   const staging = useStaging(gainSet);
   const own = kind && tables ? tables.controllers[kind] : null;
-  const live = own?.newest.values ?? {};
-  const staged = useMemo(() => stagedOf(staging.texts, live, own?.table ?? []), [staging.texts, own]);
+  const staged = useMemo(() => stagedOf(staging.texts, own?.newest.values ?? {}, own?.table ?? []), [staging.texts, own]);
   const count = Object.keys(staged.changes).length;
   const design = useDesign(kind, staged.changes, gainSet);
   const prediction = design.prediction?.controller === kind ? design.prediction : null;
-  const loop = group === "position" ? axis : (LOOPS[group][0] ?? "roll");
-  const flown = useFlown(loop, prediction);
-  const { blocked, caution } = guard(staged, prediction, design.problem, staging.moved, hold, editedLoops(own?.table ?? [], staged));
-  const report = (which: "live" | "staged"): Prediction["live"] | null => (which === "staged" && count === 0 ? null : (prediction?.[which] ?? null));
-  const loopOf = (which: "live" | "staged") => report(which)?.loops.find((l) => l.name === loop);
+  return {
+    kind, own, gainSet, staging, staged, count, prediction,
+    ready: design.fresh && prediction !== null, tookMs: design.tookMs, problem: design.problem,
+    live: prediction?.live ?? null, next: count > 0 ? (prediction?.staged ?? null) : null,
+  };
+}
 
+function Foot({ tuning, refused, setRefused }: { tuning: Tuning; refused: string; setRefused: (text: string) => void }): JSX.Element {
+  const { staging, staged, count, prediction, gainSet, own } = tuning;
+  const [why, setWhy] = useState("");
+  const canUndo = useStore((s) => (s.status?.gain_history.length ?? 0) > 1);
+  const mine = useStore(holdsControls);
+  const hold = useStore(airborne);
+  const { blocked, caution } = guard(staged, prediction, tuning.problem, staging.moved, hold, editedLoops(own?.table ?? [], staged));
+  const answered = (answer: Answer): boolean => {
+    setRefused(answer.accepted ? "" : `Refused: ${answer.reason}`);
+    return answer.accepted;
+  };
   const apply = (): void => {
     void send({ type: "apply_gains", changes: staged.changes, why: why.trim() }).then((answer) => {
-      setRefused(answer.accepted ? "" : `Refused: ${answer.reason}`);
-      if (!answer.accepted) return;
+      if (!answered(answer)) return;
       staging.clear();
       setWhy("");
       say("advisory", count === 1 ? "1 edit applied." : `${count} edits applied.`);
     });
   };
-  const undo = (): void => void undoGains().then((answer) => setRefused(answer.accepted ? "" : `Refused: ${answer.reason}`));
+  const undo = (): void => void undoGains().then(answered);
   const discard = (): void => { staging.clear(); setRefused(""); };
   useEffect(() => {
     window.addEventListener("undo-gains", undo);
+    return () => window.removeEventListener("undo-gains", undo);
+  }, []);
+  return (
+    <>
+      {staging.moved && count > 0 && <div class="keys moved"><Key testid="tune-keep" onAct={staging.keep}>{`Keep edits against set ${gainSet}`}</Key></div>}
+      <EditFoot count={count} why={why} onWhy={setWhy} mine={mine} hold={hold} blocked={blocked} caution={caution} refused={refused}
+        ready={tuning.ready} jump={count > 0 ? (prediction?.jump ?? null) : null} gainSet={gainSet} canUndo={canUndo} onApply={apply} onDiscard={discard} onUndo={undo} />
+    </>
+  );
+}
+
+interface EditProps {
+  tuning: Tuning;
+  group: Group;
+  onGroup: (group: Group) => void;
+  loop: string;
+  flown: FlownStep | null;
+}
+
+function EditColumn({ tuning, group, onGroup, loop, flown }: EditProps): JSX.Element {
+  const { kind, own, staging, staged, prediction, count } = tuning;
+  const [refused, setRefused] = useState("");
+  useEffect(() => setRefused(""), [kind, staging.texts]);
+  useEffect(() => {
     const find = (): void => document.querySelector<HTMLInputElement>(".edit-table input")?.focus();
     window.addEventListener("find-field", find);
-    return () => { window.removeEventListener("undo-gains", undo); window.removeEventListener("find-field", find); };
+    return () => window.removeEventListener("find-field", find);
   }, []);
-  useEffect(() => setRefused(""), [kind, staging.texts]);
+  return (
+    <section class="panel edit">
+      <div class="tabs" role="tablist">
+        {GROUPS.map((name) => (
+          <button type="button" role="tab" key={name} data-testid={`tune-tab-${name}`} aria-selected={group === name} onClick={() => onGroup(name)}>{title(name)}</button>
+        ))}
+      </div>
+      <div class="scroll">
+        <header class="head"><h2>{kind === "pid" ? "Gains" : "Weights"}</h2><span class="right"><ControllerSwitch onRefused={setRefused} /></span></header>
+        {own
+          ? <EditTable rows={own.table.filter((row) => row.group === group)} live={own.newest.values} texts={staging.texts} staged={staged} weights={kind === "lqr"} onText={staging.set} />
+          : <p class="empty"><b>No gain set yet.</b>The live set appears when the flight process reports its status.</p>}
+        {kind === "lqr" && <GainsFromWeights group={group} prediction={prediction} edits={count > 0} />}
+        <TuneCheck loop={loop} step={tuning.live?.loops.find((l) => l.name === loop)?.step} flown={flown} />
+      </div>
+      <Foot tuning={tuning} refused={refused} setRefused={setRefused} />
+    </section>
+  );
+}
 
-  const rows = own?.table.filter((row) => row.group === group) ?? [];
+const AXES = ["x", "y"].map((value) => ({ value, text: LOOP_NAMES[value] ?? value }));
+
+export function TuneView(): JSX.Element {
+  const [group, setGroup] = useState<Group>("roll");
+  const [axis, setAxis] = useState("x");
+  const tuning = useTuning();
+  const { live, next } = tuning;
+  const loop = group === "position" ? axis : (LOOPS[group][0] ?? "roll");
+  const flown = useFlown(loop, tuning.prediction);
+  const of = (report: DesignReport | null) => report?.loops.find((l) => l.name === loop);
   return (
     <div class="tune">
-      <section class="panel edit">
-        <div class="tabs" role="tablist">
-          {GROUPS.map((name) => <button type="button" role="tab" key={name} data-testid={`tune-tab-${name}`} aria-selected={group === name} onClick={() => setGroup(name)}>{title(name)}</button>)}
-        </div>
-        <div class="scroll">
-          <header class="head"><h2>{kind === "pid" ? "Gains" : "Weights"}</h2><span class="right"><ControllerSwitch onRefused={setRefused} /></span></header>
-          {own ? <EditTable rows={rows} live={live} texts={staging.texts} staged={staged} weights={kind === "lqr"} disabled={false} onText={staging.set} />
-            : <p class="empty"><b>No gain set yet.</b>The live set appears when the flight process reports its status.</p>}
-          {kind === "lqr" && <GainsFromWeights group={group} prediction={prediction} edits={count > 0} />}
-          <TuneCheck loop={loop} step={loopOf("live")?.step} flown={flown} />
-        </div>
-        {staging.moved && count > 0 && <div class="keys moved"><button type="button" class="key" data-testid="tune-keep" onClick={staging.keep}>Keep edits against set {gainSet}</button></div>}
-        <EditFoot count={count} why={why} onWhy={setWhy} mine={mine} hold={hold} blocked={blocked} caution={caution} refused={refused} ready={design.fresh && prediction !== null} jump={count > 0 ? (prediction?.jump ?? null) : null}
-          gainSet={gainSet} canUndo={canUndo} onApply={apply} onDiscard={discard} onUndo={undo} />
-      </section>
+      <EditColumn tuning={tuning} group={group} onGroup={setGroup} loop={loop} flown={flown} />
       <div class="middle">
-        {group === "position" && <span class="axis-pick"><Segments testid="tune-axis" label="Axis" value={axis} options={["x", "y"].map((value) => ({ value, text: LOOP_NAMES[value] ?? value }))} onPick={setAxis} /></span>}
-        <TuneSteps loop={loop} live={loopOf("live")} staged={loopOf("staged") ?? null} flown={flown} />
+        {group === "position" && <span class="axis-pick"><Segments testid="tune-axis" label="Axis" value={axis} options={AXES} onPick={setAxis} /></span>}
+        <TuneSteps loop={loop} live={of(live)} staged={of(next) ?? null} flown={flown} />
         <TuneHistory loop={loop} />
       </div>
-      <div class="right-column" data-took={Math.round(design.tookMs)} data-testid="tune-design">
-        <TunePoles live={report("live")} staged={report("staged")} group={group} />
-        <TuneMargins loop={loop} live={report("live")} staged={report("staged")} flown={flown} />
+      <div class="right-column" data-took={Math.round(tuning.tookMs)} data-testid="tune-design">
+        <TunePoles live={live} staged={next} group={group} />
+        <TuneMargins loop={loop} live={live} staged={next} flown={flown} />
       </div>
     </div>
   );

@@ -15,7 +15,6 @@ interface TableProps {
   texts: Texts;
   staged: Staged;
   weights: boolean;
-  disabled: boolean;
   onText: (key: string, text: string | null) => void;
 }
 
@@ -24,7 +23,7 @@ function shownText(texts: Texts, live: Record<string, number>, key: string): str
   return texts[key] ?? String(+(live[key] ?? NaN).toPrecision(6));
 }
 
-function EditRow({ row, live, texts, staged, weights, disabled, onText }: TableProps & { row: GainRow }): JSX.Element {
+function EditRow({ row, live, texts, staged, weights, onText }: TableProps & { row: GainRow }): JSX.Element {
   const edited = row.key in staged.changes;
   const problem = staged.problems[row.key];
   const text = shownText(texts, live, row.key);
@@ -35,7 +34,7 @@ function EditRow({ row, live, texts, staged, weights, disabled, onText }: TableP
       <td data-testid={`live-${row.key}`}>{figures(live[row.key])}</td>
       <td>
         <input class={`field${edited ? " staged" : ""}`} data-testid={`staged-${row.key}`} aria-label={`${row.label}, staged`} aria-invalid={problem !== undefined} title={problem}
-          inputMode="decimal" value={text} disabled={disabled} onFocus={() => { before.current = texts[row.key] ?? null; }}
+          inputMode="decimal" value={text} onFocus={() => { before.current = texts[row.key] ?? null; }}
           onInput={(e) => onText(row.key, e.currentTarget.value)}
           onKeyDown={(e) => { if (e.key === "Escape") { onText(row.key, before.current); e.currentTarget.blur(); } }}
           onBlur={() => { if (texts[row.key] !== undefined && parse(texts[row.key] as string) === live[row.key]) onText(row.key, null); }} />
