@@ -68,6 +68,9 @@ class Tap:
         self.latencies_s: list[float] = []
         self.imu_packets = 0
         self._imu_ns = 0
+        self.frames: socket.socket | None = None
+        self.work_s: list[float] = []
+        self._decoder = msgspec.msgpack.Decoder(FlightMessage)
         self._sender = dialect.MAVLink(None, srcSystem=254, srcComponent=190)
 
     @property
@@ -85,7 +88,10 @@ class Tap:
         """Pass packets both ways."""
         end_s = time.monotonic() + seconds
         while (left_s := end_s - time.monotonic()) > 0.0:
-            ready, _, _ = select.select([self.vehicle_side, self.station_side], [], [], left_s)
+            sources = [self.vehicle_side, self.station_side, *([self.frames] if self.frames is not None else [])]
+            ready, _, _ = select.select(sources, [], [], left_s)
+            if self.frames in ready:
+                self._take_frame()
             if self.station_side in ready:
                 with contextlib.suppress(ConnectionRefusedError):
                     self._from_station(self.station_side.recv(2048))
@@ -100,6 +106,13 @@ class Tap:
             if self.vehicle is not None:
                 return
         raise TimeoutError("the simulated vehicle does not speak")
+
+    def _take_frame(self) -> None:
+        """The work of a tick, as the flight process reports it."""
+        assert self.frames is not None
+        message = self._decoder.decode(self.frames.recv(1 << 18))
+        if isinstance(message, TickFrame):
+            self.work_s.append(float(np.frombuffer(message.signals)[SLICES["tick.duration"]][0]))
 
     def _from_vehicle(self, data: bytes) -> None:
         if data[7] == HIGHRES_IMU and data[8:10] == b"\0\0":
@@ -164,8 +177,8 @@ def ours(rate_hz: float, seconds: float) -> tuple[list[float], list[float]]:
         folder = Path(name)
         frames = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         frames.bind(str(folder / "flight.sock"))
-        frames.setblocking(False)
         tap = Tap(port)
+        tap.frames = frames
         vehicle = str(vehicle_file(folder, rate_hz))
         link, url = f"udpin://127.0.0.1:{port}", f"udpout://127.0.0.1:{tap.port}"
         with (
@@ -179,22 +192,8 @@ def ours(rate_hz: float, seconds: float) -> tuple[list[float], list[float]]:
                 request = c.Request(number=number, identity=WHO, command=command, utc_s=time.time())
                 requests.sendto(msgspec.msgpack.encode(request), str(folder / "command.sock"))
             tap.run(3.0)
-            drain(frames)
-            latencies = measure(tap, seconds)
-            return latencies, drain(frames)
-
-
-def drain(frames: socket.socket) -> list[float]:
-    """Work of the ticks whose frames wait in the socket [s]."""
-    decoder = msgspec.msgpack.Decoder(FlightMessage)
-    durations: list[float] = []
-    while True:
-        try:
-            message = decoder.decode(frames.recv(1 << 18))
-        except BlockingIOError:
-            return durations
-        if isinstance(message, TickFrame):
-            durations.append(float(np.frombuffer(message.signals)[SLICES["tick.duration"]][0]))
+            tap.work_s.clear()
+            return measure(tap, seconds), tap.work_s
 
 
 def echo(rate_hz: float, seconds: float) -> list[float]:

@@ -34,6 +34,8 @@ from models.samples import AnySample, ImuSample
 
 MOST_INPUTS = 512
 DURATIONS_KEPT = 1024
+# How often the figures of the link are looked up; they change once a second.
+QUALITY_PERIOD_S = 0.2
 PX4_MODES: dict[ModeName, str] = {"offboard": "OFFBOARD", "hold": "LOITER", "land": "LAND"}
 ARDUPILOT_MODES: dict[ModeName, str] = {"offboard": "GUIDED", "hold": "BRAKE", "land": "LAND"}
 
@@ -69,6 +71,8 @@ class Station:
         self._overflow = 0
         self._imu_waiting = False
         self._heard_s = 0.0
+        self._quality = self.link.status(0.0)
+        self._quality_due_s = 0.0
         self._durations_s: deque[float] = deque(maxlen=DURATIONS_KEPT)
 
     def receive(self, data: bytes, ground_s: float) -> None:
@@ -147,7 +151,10 @@ class Station:
         return self._mode_packet("hold", self.state.t_s)
 
     def _take_inputs(self, ground_s: float) -> tuple[TickInputs, float]:
-        link = self.link.status(ground_s)
+        if ground_s >= self._quality_due_s:
+            self._quality_due_s = ground_s + QUALITY_PERIOD_S
+            self._quality = self.link.status(ground_s)
+        link = self._quality
         inputs = TickInputs(
             samples=tuple(self._samples),
             requests=tuple(self._requests),
