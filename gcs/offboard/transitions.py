@@ -30,6 +30,15 @@ SENTENCES: dict[Event, tuple[Level, str]] = {
 }
 
 
+# What the strip shows as the failsafe that acts, until the state changes again.
+FAILSAFES: dict[Event, str] = {
+    Event.LINK_LOST: "Failsafe expected: hold",
+    Event.POSITION_LOST: "Position lost: landing",
+    Event.ESTIMATE_STALE: "No estimate: landing",
+    Event.LIMIT_BREACHED: "Limit passed: hold",
+}
+
+
 def transition(state: OffboardState, event: Event, turn: Turn, who: str = "", detail: str = "") -> OffboardState:
     """The state after an event: table cell, its actions, and one sentence if anything changed."""
     cell = after(state.state, event)
@@ -46,6 +55,7 @@ def transition(state: OffboardState, event: Event, turn: Turn, who: str = "", de
         state,
         state=cell.state,
         state_since_s=turn.t_s,
+        failsafe=FAILSAFES.get(event, ""),
         offboard_asked_s=math.nan,
         offboard_tries=0,
         reference=state.reference if steers else None,

@@ -29,6 +29,7 @@ def test_position_lost_degrades_and_lands() -> None:
     rig.flight.run_until(lambda s: s.state.state is State.DEGRADED, 1.0, "degraded")
     assert rig.flight.time_s - lost_s < 0.25
     assert rig.station.state.ladder is None
+    assert rig.station.state.failsafe == "Position lost: landing"
     rig.flight.run_until(lambda s: not s.state.view.armed, 30.0, "landed")
     assert rig.said("Position lost")
 
