@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from controllers import cascade
 from controllers.cascade import CascadeLimits, CascadeState, Command, hover_command
@@ -57,7 +57,7 @@ def switch_to(
 ) -> FlightControllerState:
     """Change controller or gains in flight: the next step at this estimate asks for exactly the last command."""
     memory = cascade.seed(law, estimate, reference, state.cascade.command, outer_active=state.cascade.outer_active)
-    return replace(state, law=law, gain_set_number=gain_set_number, cascade=memory)
+    return FlightControllerState(law, gain_set_number, memory)
 
 
 def step(
@@ -72,4 +72,4 @@ def step(
     memory, ladder = cascade.step(
         state.cascade, estimate, reference, law=state.law, limits=limits, tilt_reference_rad=tilt_reference_rad
     )
-    return replace(state, cascade=memory), ladder
+    return FlightControllerState(state.law, state.gain_set_number, memory), ladder

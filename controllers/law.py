@@ -11,11 +11,12 @@ its contribution z to the command makes every change of law bumpless by the same
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
+from controllers.loops import LAW_SIZE
 from controllers.mixer import mixer_limits
 from models.frames import STANDARD_GRAVITY_M_S2, Array
 from models.parameters import QuadrotorParameters
@@ -57,13 +58,30 @@ class VehicleTerms:
 
 @dataclass(frozen=True, slots=True)
 class CascadeLaw:
-    """A gain set ready to fly: kind and name, whether the reference is fed forward, gains and vehicle terms."""
+    """A gain set ready to fly: kind and name, whether the reference is fed forward, gains and vehicle terms.
+
+    ``packed`` (LAW_SIZE,) is all of it in the order of :mod:`controllers.loops`, for the kernels.
+    """
 
     kind: Literal["lqr", "pid"]
     name: str
     feed_forward: bool
     gains: LoopGains
     vehicle: VehicleTerms
+    packed: Array = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        g, v = self.gains, self.vehicle
+        parts = (
+            *(g.attitude_k, g.attitude_kr, g.attitude_ki),
+            *(g.height_k, g.height_kr, g.height_ki),
+            *(g.horizontal_k, g.horizontal_kr, g.horizontal_ki),
+            *(v.mass_kg, v.weight_n, v.linear_drag_1_s, v.model_yaw_rad, v.rotor_lag_s),
+            *(v.inertia_kg_m2, v.aerodynamic_moments, v.mixer, self.feed_forward),
+        )
+        packed = np.concatenate([np.ravel(part) for part in parts], dtype=np.float64)
+        assert packed.shape == (LAW_SIZE,), "a gain or a vehicle term has an unexpected shape"
+        object.__setattr__(self, "packed", packed)
 
 
 def vehicle_terms(parameters: QuadrotorParameters) -> VehicleTerms:

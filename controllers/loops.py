@@ -178,3 +178,99 @@ def integral_rates(law: Array, x: Array, memory: Array, lost: Array, tilt_limite
     memory[HORIZONTAL_Z_RATE], memory[HORIZONTAL_Z_RATE + 1] = north_rate, east_rate
     height_rate = law[HEIGHT_KI] * (x[target + 2] - x[POSITION + 2])
     memory[HEIGHT_Z_RATE] = 0.0 if height_rate * lost[0] > 0.0 else height_rate
+    errors = (memory[TILT] - x[EULER], memory[TILT + 1] - x[EULER + 1], x[YAW_ERROR])
+    for i in range(3):
+        rate = 0.0
+        for n in range(3):
+            rate += law[ATTITUDE_KI + 3 * i + n] * errors[n]
+        memory[ATTITUDE_Z_RATE + i] = 0.0 if rate * lost[1 + i] > 0.0 else rate
+
+
+@kernel("void(f8[::1], f8[::1], f8[::1])")
+def fill_motion(x: Array, anchor: Array, memory: Array) -> None:
+    """What the next step needs of this one's time, heading and reference, with the anchor (3,), into ``memory``."""
+    memory[LAST_TIME], memory[LAST_YAW], memory[OUTER_ACTIVE] = x[TIME], x[YAW], x[OUTER]
+    memory[ANCHOR : ANCHOR + 3] = anchor
+    memory[ANCHOR_VELOCITY : ANCHOR_VELOCITY + 3] = x[REFERENCE_VELOCITY : REFERENCE_VELOCITY + 3]
+    memory[ANCHOR_ACCELERATION : ANCHOR_ACCELERATION + 3] = x[REFERENCE_ACCELERATION : REFERENCE_ACCELERATION + 3]
+    memory[ANCHOR_YAW_RATE] = x[REFERENCE_YAW_RATE]
+
+
+@kernel("void(f8[::1], f8[::1], f8[::1])")
+def fill_lower_rungs(law: Array, x: Array, memory: Array) -> None:
+    """Attitude (Raja (2.5)) and the rates one rotor lag ahead, of the command in ``memory``."""
+    roll, pitch, yaw = 0.5 * memory[TILT], 0.5 * memory[TILT + 1], 0.5 * x[REFERENCE_YAW]
+    cr, sr, cp, sp, cy, sy = (
+        math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch), math.cos(yaw), math.sin(yaw)
+    )
+    q = NED_FROM_BODY
+    memory[q], memory[q + 1] = cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy
+    memory[q + 2], memory[q + 3] = cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy
+    for i in range(3):
+        memory[RATES_AHEAD + i] = x[BODY_RATES + i] + law[ROTOR_LAG] * memory[TORQUE + i] / law[INERTIA + i]
+
+
+@kernel("f8[::1](f8[::1], f8[::1], f8[::1])")
+def seeded(law: Array, x: Array, command: Array) -> Array:
+    """Memory (MEMORY_SIZE,) from which a step at the same inputs asks for ``command``: tilt, thrust, torque (6,)."""
+    memory = np.zeros(MEMORY_SIZE)
+    prepare_inputs(law, x, x[EULER + 2])
+    target = x[REFERENCE_POSITION : REFERENCE_POSITION + 3]
+    fill_motion(x, target, memory)
+    memory[ANCHOR_YAW] = x[YAW] + x[YAW_ERROR]
+    memory[TILT : TILT + 6] = command
+    roll, pitch = tilt_direct(law, x, target)
+    north, east = acceleration_of(x[YAW], command[0] - roll, command[1] - pitch)
+    memory[HORIZONTAL_Z], memory[HORIZONTAL_Z + 1] = north, east
+    memory[HEIGHT_Z] = command[2] * tilt_cosine(law, x) - force_direct(law, x, target[2])
+    torque = memory[ATTITUDE_Z : ATTITUDE_Z + 3]
+    torque_direct(law, x, memory[ANCHOR_YAW], command[0:2], x[OUTER] != 0.0, torque)
+    for i in range(3):
+        torque[i] = command[3 + i] - torque[i]
+    return memory
+
+
+@kernel("b1(f8[::1], f8[::1], f8[::1], f8[::1])")
+def fill_tilt(law: Array, x: Array, last: Array, memory: Array) -> bool:
+    """Tilt command into ``memory``, where the horizontal integral is taken up again if it rested; True if limited."""
+    roll, pitch = x[GIVEN_TILT], x[GIVEN_TILT + 1]
+    if x[OUTER] != 0.0:
+        roll, pitch = tilt_direct(law, x, memory[ANCHOR : ANCHOR + 3])
+        if last[OUTER_ACTIVE] == 0.0:
+            north, east = acceleration_of(x[YAW], last[TILT] - roll, last[TILT + 1] - pitch)
+            memory[HORIZONTAL_Z], memory[HORIZONTAL_Z + 1] = north, east
+        roll_z, pitch_z = tilt_of(x[YAW], memory[HORIZONTAL_Z], memory[HORIZONTAL_Z + 1])
+        roll, pitch = roll + roll_z, pitch + pitch_z
+    scale = min(1.0, x[TILT_LIMIT] / max(math.hypot(roll, pitch), 1e-9))
+    memory[TILT], memory[TILT + 1] = roll * scale, pitch * scale
+    return scale < 1.0
+
+
+@kernel("f8[::1](f8[::1], f8[::1], f8[::1])")
+def stepped(law: Array, last: Array, x: Array) -> Array:
+    """Memory (MEMORY_SIZE,) after one step of the cascade from ``last`` at the inputs ``x``, which it changes."""
+    memory = np.zeros(MEMORY_SIZE)
+    prepare_inputs(law, x, last[LAST_YAW])
+    elapsed_s = min(max(x[TIME] - last[LAST_TIME], 0.0), LONGEST_STEP_S)
+    anchor = np.empty(3)
+    for i in range(3):
+        # The anchor moves with the reference velocity and acceleration of the last step.
+        speed = last[ANCHOR_VELOCITY + i] + 0.5 * elapsed_s * last[ANCHOR_ACCELERATION + i]
+        anchor[i] = last[ANCHOR + i] + elapsed_s * speed
+    fill_motion(x, anchor, memory)
+    memory[ANCHOR_YAW] = last[ANCHOR_YAW] + elapsed_s * last[ANCHOR_YAW_RATE]
+    for i in range(HORIZONTAL_Z_RATE - HORIZONTAL_Z):
+        memory[HORIZONTAL_Z + i] = last[HORIZONTAL_Z + i] + elapsed_s * last[HORIZONTAL_Z_RATE + i]
+
+    angle_limited = fill_tilt(law, x, last, memory)
+    wanted, torque = memory[THRUST : THRUST + 4], memory[TORQUE : TORQUE + 3]
+    wanted[0] = (force_direct(law, x, anchor[2]) + memory[HEIGHT_Z]) / tilt_cosine(law, x)
+    torque_direct(law, x, memory[ANCHOR_YAW], memory[TILT : TILT + 2], x[OUTER] != 0.0, torque)
+    for i in range(3):
+        torque[i] += memory[ATTITUDE_Z + i]
+    given = np.empty(4)
+    cut = achievable(wanted, law[MIXER : MIXER + 4], given)
+    integral_rates(law, x, memory, wanted - given, angle_limited or (cut & TILT_TORQUE_CUT) != 0)
+    fill_lower_rungs(law, x, memory)
+    memory[SATURATED] = 1.0 if angle_limited or cut != 0 else 0.0
+    return memory

@@ -36,7 +36,7 @@ _FASTEST_REAL_TIME = 2.0
 
 
 def prefer_realtime(speed: float) -> None:
-    """Ask for SCHED_FIFO: hardware does not slow down because a browser draws. Not when fast: it would starve others."""
+    """Ask for SCHED_FIFO: hardware does not slow down because a browser draws. Not when fast: that starves others."""
     if speed <= _FASTEST_REAL_TIME and hasattr(os, "sched_setscheduler"):
         with contextlib.suppress(PermissionError):
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))

@@ -154,7 +154,7 @@ def _add_commands(router: APIRouter, station: Station) -> None:
 
     @router.post("/scene/camera")
     async def camera(request: Request) -> dict[str, str]:
-        """Point the camera of this session's scene: {"view": "free" | "chase" | "top" | "north"}."""
+        """Point the camera of this session's scene: {"view": "free" | "top" | "north" | "chase", "own" to stop}."""
         try:
             wanted = msgspec.json.decode(await request.body(), type=dict[str, str])
         except msgspec.DecodeError as error:

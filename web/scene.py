@@ -12,7 +12,6 @@ import io
 import math
 import threading
 from collections import deque
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,8 +21,9 @@ from viser.transforms import SO3
 from gcs.signals import SLICES
 from models.arrays import Array
 from models.parameters import load_quadrotor
+from web.camera import FOV_RAD, OVERVIEWS, CameraPose, Framing, chase_pose, overview_pose
 
-VIEWS = ("free", "chase", "top", "north")
+VIEWS = (*OVERVIEWS, "chase", "own")
 
 ENU_FROM_NED: Array = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 # The same rotation: half a turn about north-east.
@@ -35,15 +35,7 @@ _TRAIL_GAP_S = 0.5
 _VELOCITY_SHOWN_S = 0.5
 _SIGMAS = 3.0
 _LEAST_SEMI_AXIS_M = 0.002
-
-# From where the named views look; overhead is a hair south of it, so that north stays at the top of the picture.
-_DIRECTIONS: dict[str, Array] = {
-    "free": np.array([0.47, -0.74, 0.48]),
-    "top": np.array([0.0, -0.002, 1.0]),
-    "north": np.array([0.0, -0.99, 0.1]),
-}
-_RADII_AWAY = 3.2
-_LEAST_RADIUS_M = 1.2
+_ASPECT_AT_FIRST = 2.0
 
 _FLOWN = (118, 148, 255)
 _REFERENCE = (169, 179, 187)
@@ -58,8 +50,13 @@ _STROKES: dict[str, tuple[tuple[tuple[float, float], ...], ...]] = {
     "E": (((1.0, 1.0), (0.0, 1.0), (0.0, 0.0), (1.0, 0.0)), ((0.0, 0.5), (0.8, 0.5))),
     "5": (((1.0, 1.0), (0.0, 1.0), (0.0, 0.55), (0.8, 0.55), (1.0, 0.4), (1.0, 0.15), (0.8, 0.0), (0.0, 0.0)),),
     "m": (((0.0, 0.0), (0.0, 0.6), (0.5, 0.5), (0.5, 0.0)), ((0.5, 0.5), (1.0, 0.6), (1.0, 0.0))),
+    "h": (((0.0, 0.0), (0.0, 1.0)), ((0.0, 0.6), (0.7, 0.6), (0.7, 0.0))),
+    "o": (((0.0, 0.0), (0.0, 0.6), (0.7, 0.6), (0.7, 0.0), (0.0, 0.0)),),
+    "e": (((0.7, 0.0), (0.0, 0.0), (0.0, 0.6), (0.7, 0.6), (0.7, 0.3), (0.0, 0.3)),),
     " ": (),
 }
+# Letters lean back by this much from the upright: readable from the south as well as from above.
+_LEAN = SO3.from_x_radians(math.radians(50.0))
 
 
 def enu_from_ned(vector_ned: Array) -> Array:
@@ -124,7 +121,7 @@ def path_segments(points: Array, *, dashed: bool = False) -> Array:
 
 
 def letter_segments(text: str, height_m: float) -> Array:
-    """Letters drawn as lines on the ground (N, 2, 3), centred, upright for a reader who looks north."""
+    """Letters drawn as lines in the plane x, y (N, 2, 3), centred, y being their up."""
     segments: list[Array] = []
     width = 0.0
     for letter in text:
@@ -132,30 +129,6 @@ def letter_segments(text: str, height_m: float) -> Array:
         segments += [path_segments(np.array([[width + x, y, 0.0] for x, y in stroke])) for stroke in strokes]
         width += 1.4 if strokes else 0.8
     return (np.concatenate(segments) - [0.5 * width - 0.2, 0.5, 0.0]) * [0.6 * height_m, height_m, 1.0]
-
-
-@dataclass(frozen=True, slots=True)
-class CameraPose:
-    """Where a camera stands and what it looks at, in viser's world [m]."""
-
-    position_enu_m: Array
-    look_at_enu_m: Array
-
-
-def chase_pose(vehicle_enu_m: Array, heading_rad: float) -> CameraPose:
-    """Behind and above the vehicle, looking where it points."""
-    forward = np.array([math.sin(heading_rad), math.cos(heading_rad), 0.0])
-    return CameraPose(vehicle_enu_m - 2.4 * forward + [0.0, 0.0, 0.9], vehicle_enu_m + 0.6 * forward)
-
-
-def overview_pose(view: str, points_enu_m: Array) -> CameraPose:
-    """A camera that sees home and all of ``points_enu_m`` (N, 3): ``free``, ``top`` or ``north``."""
-    known = points_enu_m[np.isfinite(points_enu_m).all(axis=1)]
-    corners = np.concatenate([known, np.zeros((1, 3))])
-    lowest, highest = corners.min(axis=0), corners.max(axis=0)
-    centre = 0.5 * (lowest + highest)
-    radius_m = max(_LEAST_RADIUS_M, 0.5 * float(np.linalg.norm(highest - lowest)))
-    return CameraPose(centre + _RADII_AWAY * radius_m * _DIRECTIONS[view], centre)
 
 
 class Scene:
@@ -167,7 +140,7 @@ class Scene:
             self._server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         self._server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
         self._owners: dict[int, str] = {}
-        self._chasing: set[int] = set()
+        self._cameras: dict[int, Framing] = {}
         self._flown: deque[Array] = deque(maxlen=round(TRAIL_S / _TRAIL_STEP_S))
         self._reference: deque[Array] = deque(maxlen=round(TRAIL_S / _TRAIL_STEP_S))
         self._trail_time_s = -math.inf
@@ -175,11 +148,10 @@ class Scene:
         self._heading_rad = 0.0
         self._draw_surroundings()
         self._nodes = _draw_vehicle(self._server.scene)
-        start = overview_pose("free", np.zeros((1, 3)))
+        start = overview_pose("free", np.zeros((1, 3)), _ASPECT_AT_FIRST)
         self._server.initial_camera.position = tuple(start.position_enu_m)
         self._server.initial_camera.look_at = tuple(start.look_at_enu_m)
-        self._server.initial_camera.fov = math.radians(42.0)
-        self._server.on_client_disconnect(self._forget)
+        self._server.initial_camera.fov = FOV_RAD
 
     @property
     def port(self) -> int:
@@ -204,21 +176,15 @@ class Scene:
             self._owners.pop(local_port, None)
 
     def look(self, client: str, view: str) -> int:
-        """Point the cameras of one browser session and answer how many there were; ``chase`` follows until changed."""
-        if view == "chase":
-            pose = chase_pose(self._vehicle_enu_m, self._heading_rad)
-        else:
-            pose = overview_pose(view, np.array([self._vehicle_enu_m, *self._flown]))
+        """Set what the cameras of one browser session follow, ``own`` for nothing; answers how many there were."""
         moved = 0
         for number, handle in self._server.get_clients().items():
             if self._owner_of(number) != client:
                 continue
+            framing = Framing(view)
             with self._lock:
-                if view == "chase":
-                    self._chasing.add(number)
-                else:
-                    self._chasing.discard(number)
-            _point(handle, pose)
+                self._cameras[number] = framing
+            self._move(handle, framing, self._points_of_interest())
             moved += 1
         return moved
 
@@ -239,7 +205,7 @@ class Scene:
             self._show_reference(enu_from_ned(reference_ned_m))
             if longer:
                 self._show_trails()
-        self._chase()
+        self._move_cameras()
 
     def _remember(self, time_s: float, reference_enu_m: Array) -> bool:
         """Add to the trails every tenth of a second; a gap stays a gap, a clock that went back starts anew."""
@@ -284,14 +250,30 @@ class Scene:
 
     def _show_trails(self) -> None:
         self._nodes["flown"].points = path_segments(np.array(self._flown))
-        self._nodes["reference_path"].points = path_segments(np.array(self._reference), dashed=True)
+        reference = np.array(self._reference)
+        self._nodes["reference_path"].points = path_segments(reference, dashed=True)
+        self._nodes["reference_ground"].points = path_segments(reference * [1.0, 1.0, 0.0])
 
-    def _chase(self) -> None:
-        if not self._chasing:
-            return
-        pose = chase_pose(self._vehicle_enu_m, self._heading_rad)
-        for number, handle in self._server.get_clients().items():
-            if number in self._chasing:
+    def _points_of_interest(self) -> Array:
+        """What an overview shows besides home: vehicle, its place on the ground, trails and reference (N, 3)."""
+        vehicle = self._vehicle_enu_m
+        return np.array([vehicle, vehicle * [1.0, 1.0, 0.0], *self._flown, *self._reference])
+
+    def _move_cameras(self) -> None:
+        clients = self._server.get_clients()
+        with self._lock:
+            self._cameras = {number: self._cameras.get(number) or Framing("free") for number in clients}
+            cameras = dict(self._cameras)
+        points = self._points_of_interest()
+        for number, framing in cameras.items():
+            self._move(clients[number], framing, points)
+
+    def _move(self, handle: Any, framing: Framing, points_enu_m: Array) -> None:
+        if framing.view == "chase":
+            _point(handle, chase_pose(self._vehicle_enu_m, self._heading_rad))
+        elif framing.view in OVERVIEWS:
+            pose = framing.follow(points_enu_m, handle.camera.aspect)
+            if pose is not None:
                 _point(handle, pose)
 
     def _owner_of(self, number: int) -> str | None:
@@ -301,10 +283,6 @@ class Scene:
             return None
         with self._lock:
             return self._owners.get(connection.remote_address[1])
-
-    def _forget(self, handle: Any) -> None:
-        with self._lock:
-            self._chasing.discard(handle.client_id)
 
     def _draw_surroundings(self) -> None:
         scene = self._server.scene
@@ -327,10 +305,17 @@ class Scene:
             ("east", "E", 0.14, (1.15, 0.0, 0.0)),
             ("five_north", "5 m N", 0.22, (0.0, 5.2, 0.0)),
             ("five_east", "5 m E", 0.22, (5.7, 0.0, 0.0)),
+            ("name", "home", 0.2, (0.0, -0.3, 0.0)),
         ):
             letters = letter_segments(text, height_m)
             scene.add_line_segments(
-                f"/home/{name}", letters, _LABEL, thickness=1.5, thickness_units="screen", position=place
+                f"/home/{name}",
+                letters,
+                _LABEL,
+                thickness=1.5,
+                thickness_units="screen",
+                wxyz=_LEAN.wxyz,
+                position=place,
             )
 
 
@@ -363,6 +348,7 @@ def _draw_vehicle(scene: Any) -> dict[str, Any]:
     nodes["velocity"] = lines("/velocity", nothing, _FLOWN, 2.0)
     nodes["flown"] = lines("/flown", nothing, _FLOWN, 2.5)
     nodes["reference_path"] = lines("/reference_path", nothing, _REFERENCE, 1.5)
+    nodes["reference_ground"] = lines("/reference_ground", nothing, _LINE, 1.5)
     nodes["reference"] = scene.add_icosphere("/reference", 0.04, _REFERENCE, visible=False, cast_shadow=False)
     nodes["drop"] = lines("/drop", nothing, _LABEL, 1.0)
     nodes["shadow"] = lines("/shadow", circle_segments(np.zeros(3), 0.8 * arm_m), _LABEL, 1.0)

@@ -31,6 +31,21 @@
   };
   window.addEventListener("keydown", forward("down"), true);
   window.addEventListener("keyup", forward("up"), true);
+  // Once the user turns or zooms the picture it is theirs: the dashboard is told, and the camera stops following.
+  const taken = () => window.parent.postMessage({ type: "scene-taken" }, origin);
+  let from = null;
+  window.addEventListener("pointerdown", (event) => { from = [event.clientX, event.clientY]; }, true);
+  window.addEventListener(
+    "pointermove",
+    (event) => {
+      if (from === null || event.buttons === 0) return;
+      if (Math.hypot(event.clientX - from[0], event.clientY - from[1]) < 3) return;
+      from = null;
+      taken();
+    },
+    true,
+  );
+  window.addEventListener("wheel", taken, { capture: true, passive: true });
   window.addEventListener("pointerup", () => {
     window.parent.focus();
     window.parent.postMessage({ type: "scene-pointerup" }, origin);

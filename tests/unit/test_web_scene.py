@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from models.frames import quaternion_from_euler, rotation_from_quaternion
+from web.camera import OVERVIEWS, CameraPose, Framing, chase_pose, image_coordinates, overview_pose
 from web.scene import (
     ENU_FROM_NED,
-    chase_pose,
     ellipsoid,
     enu_from_frd_quaternion,
     enu_from_ned,
     letter_segments,
-    overview_pose,
     path_segments,
     quaternion_from_rotation,
 )
@@ -81,9 +81,35 @@ def test_cameras_see_the_vehicle() -> None:
     chase = chase_pose(vehicle, math.pi / 2)
     assert chase.position_enu_m[0] < vehicle[0] < chase.look_at_enu_m[0]
     trail = np.array([[0.0, 4.0, 2.0], [np.nan] * 3, vehicle])
-    for view in ("free", "top", "north"):
-        pose = overview_pose(view, trail)
-        distance = np.linalg.norm(pose.position_enu_m - pose.look_at_enu_m)
-        farthest = max(np.linalg.norm(point - pose.look_at_enu_m) for point in (trail[0], vehicle, np.zeros(3)))
-        assert farthest < distance / 2.5
-    assert overview_pose("top", trail).position_enu_m[2] > 5.0
+    for view in OVERVIEWS:
+        for aspect in (0.6, 1.5, 2.9):
+            pose = overview_pose(view, trail, aspect)
+            seen = image_coordinates(pose, np.array([trail[0], vehicle, np.zeros(3)]), aspect)
+            assert np.abs(seen).max() < 0.85
+    assert overview_pose("top", trail, 1.5).position_enu_m[2] > 5.0
+
+
+def test_image_coordinates_know_right_and_up() -> None:
+    from_the_south = CameraPose(np.array([0.0, -10.0, 1.0]), np.array([0.0, 0.0, 1.0]))
+    (east, high) = image_coordinates(from_the_south, np.array([[2.0, 0.0, 1.0], [0.0, 0.0, 3.0]]), 2.0)
+    half = 10.0 * math.tan(math.radians(21.0))
+    assert east == pytest.approx([2.0 / (2.0 * half), 0.0])
+    assert high == pytest.approx([0.0, 2.0 / half])
+
+
+def _followed(framing: Framing, points: list[list[float]], steps: int) -> list[CameraPose]:
+    poses = [framing.follow(np.array(points), 2.0) for _ in range(steps)]
+    return [pose for pose in poses if pose is not None]
+
+
+def test_an_overview_eases_to_what_leaves_it_and_then_stands_still() -> None:
+    framing = Framing("free")
+    (first,) = _followed(framing, [[0.0, 0.0, 0.0]], 20)
+    assert _followed(framing, [[0.1, 0.0, 0.1]], 20) == []  # still inside
+    on_the_way = _followed(framing, [[3.0, 3.0, 2.5]], 200)
+    assert 20 < len(on_the_way) < 200
+    steps_m = [np.linalg.norm(b.position_enu_m - a.position_enu_m) for a, b in pairwise(on_the_way)]
+    assert max(steps_m) < 0.2 * np.linalg.norm(on_the_way[-1].position_enu_m - first.position_enu_m)
+    assert np.abs(image_coordinates(on_the_way[-1], np.array([[3.0, 3.0, 2.5]]), 2.0)).max() < 0.85
+    back = _followed(framing, [[0.0, 0.0, 0.0]], 200)
+    assert np.allclose(back[-1].position_enu_m, first.position_enu_m, atol=0.01)

@@ -1,7 +1,7 @@
 // The 3-D scene in its own frame, with camera presets and what its colours mean.
 
 import type { JSX } from "preact";
-import { useState } from "preact/hooks";
+import { useEffect, useRef, useState } from "preact/hooks";
 import { post, StationError } from "../api";
 import { Segments } from "../controls";
 import { fixed } from "../format";
@@ -21,15 +21,30 @@ function Origin(): JSX.Element {
 }
 
 export function ScenePanel(): JSX.Element {
-  const [camera, setCamera] = useState<Camera>("free");
+  const [camera, setCamera] = useState<Camera | null>("free");
   const lost = useStore((s) => s.status?.link_state === "lost" || s.station === "lost");
-  const look = (view: Camera): void => {
-    setCamera(view);
+  const following = useRef(true);
+  const tell = (view: Camera | "own"): void => {
+    following.current = view !== "own";
     post("/api/scene/camera", { view }).catch((error: unknown) => {
       if (!(error instanceof StationError)) throw error;
       say("caution", error.message);
     });
   };
+  const look = (view: Camera): void => {
+    setCamera(view);
+    tell(view);
+  };
+  // A user who turns or zooms the picture has it: no preset is on, and the camera follows nothing until one is pressed.
+  useEffect(() => {
+    const taken = (event: MessageEvent<{ type?: string }>): void => {
+      if (event.origin !== location.origin || event.data?.type !== "scene-taken" || !following.current) return;
+      setCamera(null);
+      tell("own");
+    };
+    window.addEventListener("message", taken);
+    return () => window.removeEventListener("message", taken);
+  }, []);
   return (
     <section class="panel scene" aria-label="Scene">
       <header class="head">
