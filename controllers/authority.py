@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from models.estimate import Estimate
-from models.frames import Vec3, rotation_from_quaternion
+from models.frames import Array, Vec3, rotation_from_quaternion
+from models.kernel import kernel
 from models.parameters import QuadrotorParameters
 from models.setpoints import (
     ActuatorSetpoint,
@@ -31,6 +33,7 @@ class VehicleScales:
     ``rate_loop_lag_s`` the time constants of the autopilot's rate loop, ``aerodynamic_moments`` (3 rows of 6) the
     angular accelerations per body velocity and rate that its rate loop will suppress, ``position_gain_1_s`` the
     velocity commanded per metre of position error at ``velocity`` authority, up to ``max_speed_m_s``.
+    ``packed`` (27,) is inertia, lag, greatest rates and moments in a row, for the kernel.
     """
 
     max_thrust_n: float
@@ -41,6 +44,15 @@ class VehicleScales:
     aerodynamic_moments: tuple[tuple[float, ...], ...] = NO_AERODYNAMICS
     position_gain_1_s: float = 1.0
     max_speed_m_s: float = 3.0
+    packed: Array = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        moments = (moment for row in self.aerodynamic_moments for moment in row)
+        packed = np.array(
+            (*self.inertia_kg_m2, *self.rate_loop_lag_s, *self.max_rate_rad_s, *moments), dtype=np.float64
+        )
+        assert packed.shape == (27,), "a scale of the vehicle has an unexpected shape"
+        object.__setattr__(self, "packed", packed)
 
 
 def scales_of(parameters: QuadrotorParameters) -> VehicleScales:
@@ -94,17 +106,44 @@ def _velocity(ladder: Ladder, estimate: Estimate, vehicle: VehicleScales) -> Vec
             ladder.velocity_ned_m_s, ladder.position_ned_m, estimate.position_ned_m, strict=True
         )
     ]
-    scale = min(1.0, vehicle.max_speed_m_s / max(float(np.linalg.norm(wanted)), 1e-9))
+    scale = min(1.0, vehicle.max_speed_m_s / max(math.hypot(*wanted), 1e-9))
     return wanted[0] * scale, wanted[1] * scale, wanted[2] * scale
 
 
 def _rates(ladder: Ladder, estimate: Estimate, vehicle: VehicleScales) -> Vec3:
-    """omega + lag (I^-1 tau + aerodynamic angular acceleration), each axis clipped."""
-    body_from_ned = rotation_from_quaternion(np.array(estimate.ned_from_body)).T
-    motion = np.concatenate((body_from_ned @ np.array(estimate.velocity_ned_m_s), estimate.rates_body_rad_s))
-    acceleration = np.array(ladder.torque_body_n_m) / vehicle.inertia_kg_m2
-    acceleration += np.array(vehicle.aerodynamic_moments) @ motion
-    wanted = np.array(estimate.rates_body_rad_s) + np.array(vehicle.rate_loop_lag_s) * acceleration
-    limit = np.array(vehicle.max_rate_rad_s)
-    p, q, r = np.clip(wanted, -limit, limit).tolist()
-    return p, q, r
+    motion = np.array(
+        (
+            *estimate.ned_from_body,
+            *estimate.velocity_ned_m_s,
+            *estimate.rates_body_rad_s,
+            *ladder.torque_body_n_m,
+        ),
+        dtype=np.float64,
+    )
+    return rates_command(vehicle.packed, motion)
+
+
+@kernel("UniTuple(f8, 3)(f8[::1], f8[::1])")
+def rates_command(scales: Array, motion: Array) -> Vec3:
+    """omega + lag (I^-1 tau + aerodynamic angular acceleration) [rad/s], each axis clipped.
+
+    ``scales`` (27,) is ``VehicleScales.packed``; ``motion`` (13,): attitude, velocity NED, body rates, torque.
+    """
+    inertia, lag, limit = scales[0:3], scales[3:6], scales[6:9]
+    body_rates, torque = motion[7:10], motion[10:13]
+    ned_from_body = rotation_from_quaternion(motion[0:4])
+    wanted = np.empty(3)
+    for i in range(3):
+        acceleration = torque[i] / inertia[i]
+        for j in range(3):
+            along = 0.0
+            for n in range(3):
+                along += ned_from_body[n, j] * motion[4 + n]
+            acceleration += scales[9 + 6 * i + j] * along + scales[12 + 6 * i + j] * body_rates[j]
+        wanted[i] = body_rates[i] + lag[i] * acceleration
+        # Written so that what is not a number is never sent as a limit.
+        if wanted[i] > limit[i]:
+            wanted[i] = limit[i]
+        elif wanted[i] < -limit[i]:
+            wanted[i] = -limit[i]
+    return wanted[0], wanted[1], wanted[2]

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from controllers.mixer import TILT_TORQUE_CUT, achievable
-from models.frames import STANDARD_GRAVITY_M_S2, Array, wrap_angle
+from models.frames import STANDARD_GRAVITY_M_S2, Array, quaternion_from_euler, wrap_angle
 from models.kernel import kernel
 
 LONGEST_STEP_S = 0.1
@@ -103,13 +103,14 @@ def force_direct(law: Array, x: Array, anchor_down_m: float) -> float:
     """Vertical force [N], positive up, without the integral: m (g - a_ref - drag) - K (x - x_ref) + K_r (r - s)."""
     velocity_ff = x[REFERENCE_VELOCITY + 2]
     acceleration_ff = x[REFERENCE_ACCELERATION + 2] + law[DRAG] * velocity_ff
-    return (
+    force_n: float = (
         law[WEIGHT]
         - law[MASS] * acceleration_ff
         - law[HEIGHT_K] * (x[POSITION + 2] - anchor_down_m)
         - law[HEIGHT_K + 1] * (x[VELOCITY + 2] - velocity_ff)
         + law[HEIGHT_KR] * (x[REFERENCE_POSITION + 2] - anchor_down_m)
     )
+    return force_n
 
 
 @kernel("UniTuple(f8, 4)(f8[::1], f8[::1], b1)")
@@ -158,12 +159,12 @@ def tilt_cosine(law: Array, x: Array) -> float:
     """cos(roll) cos(pitch): thrust is force over it, so that a tilt does not cost height; 1 without feed-forward."""
     if law[FEED_FORWARD] == 0.0:
         return 1.0
-    return max(LEAST_TILT_COSINE, math.cos(x[EULER]) * math.cos(x[EULER + 1]))
+    return float(max(LEAST_TILT_COSINE, math.cos(x[EULER]) * math.cos(x[EULER + 1])))
 
 
 @kernel("void(f8[::1], f8[::1], f8[::1], f8[::1], b1)")
 def integral_rates(law: Array, x: Array, memory: Array, lost: Array, tilt_limited: bool) -> None:
-    """Rates of the integrals into ``memory``, which holds the wanted tilt; 0 where one would push into saturation.
+    """Rates of the integrals into ``memory``, which holds the tilt; 0 where one would push on into saturation.
 
     ``lost`` (4,) is the thrust and torque that the rotors cannot give.
     """
@@ -198,14 +199,9 @@ def fill_motion(x: Array, anchor: Array, memory: Array) -> None:
 
 @kernel("void(f8[::1], f8[::1], f8[::1])")
 def fill_lower_rungs(law: Array, x: Array, memory: Array) -> None:
-    """Attitude (Raja (2.5)) and the rates one rotor lag ahead, of the command in ``memory``."""
-    roll, pitch, yaw = 0.5 * memory[TILT], 0.5 * memory[TILT + 1], 0.5 * x[REFERENCE_YAW]
-    cr, sr, cp, sp, cy, sy = (
-        math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch), math.cos(yaw), math.sin(yaw)
-    )
-    q = NED_FROM_BODY
-    memory[q], memory[q + 1] = cr * cp * cy + sr * sp * sy, sr * cp * cy - cr * sp * sy
-    memory[q + 2], memory[q + 3] = cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy
+    """Attitude and the rates one rotor lag ahead, of the command in ``memory``."""
+    attitude = quaternion_from_euler(memory[TILT], memory[TILT + 1], x[REFERENCE_YAW])
+    memory[NED_FROM_BODY : NED_FROM_BODY + 4] = attitude
     for i in range(3):
         memory[RATES_AHEAD + i] = x[BODY_RATES + i] + law[ROTOR_LAG] * memory[TORQUE + i] / law[INERTIA + i]
 
@@ -243,7 +239,7 @@ def fill_tilt(law: Array, x: Array, last: Array, memory: Array) -> bool:
         roll, pitch = roll + roll_z, pitch + pitch_z
     scale = min(1.0, x[TILT_LIMIT] / max(math.hypot(roll, pitch), 1e-9))
     memory[TILT], memory[TILT + 1] = roll * scale, pitch * scale
-    return scale < 1.0
+    return bool(scale < 1.0)
 
 
 @kernel("f8[::1](f8[::1], f8[::1], f8[::1])")

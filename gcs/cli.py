@@ -95,6 +95,8 @@ def replay(
     from gcs.replay import ReplayError, replay_log
 
     path = log / "flight.tlog" if log.is_dir() else log
+    if log.is_dir() and not path.exists():
+        _fail(f"{log}: no flight.tlog in it; give a .tlog file or the folder of a run", 2)
     try:
         if as_json:
             report = replay_log(path)
@@ -116,7 +118,8 @@ def _replay_with_progress(path: Path) -> Any:
 
     from gcs.replay import replay_log
 
-    with Progress(console=Console(stderr=True), transient=True) as progress:
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task("replaying", total=1.0)
         return replay_log(path, progress=lambda fraction: progress.update(task, completed=fraction))
 
@@ -196,7 +199,8 @@ def status(runtime: RuntimeOption = None, as_json: JsonOption = False) -> None:
         print(f"link        {seen.link_state}, {seen.link_url}, {seen.signing}")
         armed = "armed" if seen.armed else "disarmed"
         print(f"mode        {seen.state}; vehicle {seen.vehicle_mode or 'unknown'}, {armed}")
-        print(f"estimator   {seen.estimator}, position by {seen.position_source or 'nothing'}")
+        source = {"any": "any sensor", "": "nothing"}.get(seen.position_source, seen.position_source)
+        print(f"estimator   {seen.estimator}, position by {source}")
         print(f"controller  {seen.controller}, gain set {seen.gain_set}, {seen.authority}")
         print(f"controls    {seen.controls_holder or 'free'}")
     if recording is not None:
@@ -256,7 +260,9 @@ def _parse_command(kind: str, fields: list[str]) -> AnyCommand:
         parsed: AnyCommand = msgspec.convert(table, AnyCommand)
     except msgspec.ValidationError as error:
         names = ", ".join(kinds[kind].__struct_fields__) or "none"
-        _fail(f"{kind}: {error}; its fields: {names}", 2)
+        # msgspec says "Expected `float` <= 100.0 - at `$.height_m`"; the field belongs in front.
+        fault, _, where = str(error).partition(" - at `$.")
+        _fail(f"{kind}: {f'{where[:-1]}: ' if where else ''}{fault}; its fields: {names}", 2)
     return parsed
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 import os
 import signal
 import socket
@@ -76,6 +77,7 @@ def plan_station(options: UpOptions, runtime: Runtime) -> Plan:
         check_link(options.link, "--link")
     _check_port(options.port)
     link = options.link or vehicle.link
+    _check_runs(options.runs)
     programs = []
     if simulated is not None:
         link = options.link or f"udpin://{LOOPBACK}:{_free_udp_port()}"
@@ -116,12 +118,31 @@ def _sitl(simulated: Simulated, vehicle: VehicleFile, link: str) -> Program:
     url = parse_link_url(link)
     if url.scheme != "udpin":
         raise ConfigError(f"--link {link}: a simulated vehicle comes to udpin://[host:]port")
+    _check_wind(simulated.wind)
     arguments = (
         *("--vehicle", vehicle.type, "--link", f"udpout://{url.host}:{url.port}"),
         *("--speed", f"{simulated.speed:g}", "--seed", str(simulated.seed), "--position", simulated.position),
         *(f"--wind={simulated.wind}", "--gust", f"{simulated.gust_m_s:g}"),
     )
     return Program("sim", "sitl", arguments)
+
+
+def _check_wind(wind: str) -> None:
+    try:
+        numbers = [float(part) for part in wind.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != 3 or not all(map(math.isfinite, numbers)):
+        raise ConfigError(f"--wind {wind}: give three numbers, north,east,down in m/s, such as --wind=3,0,0")
+
+
+def _check_runs(runs: Path) -> None:
+    """A flight must not find out in the air that it is not recorded; nothing is made here."""
+    nearest = next(folder for folder in (runs.absolute(), *runs.absolute().parents) if folder.exists())
+    if not nearest.is_dir():
+        raise ConfigError(f"--runs {runs}: {nearest} is not a folder")
+    if not os.access(nearest, os.W_OK | os.X_OK):
+        raise ConfigError(f"--runs {runs}: no permission to write in {nearest}")
 
 
 def _check_port(port: int) -> None:

@@ -230,7 +230,7 @@ class Scene:
         if np.isfinite(velocity_enu_m_s).all():
             nodes["velocity"].points = np.stack([position, position + _VELOCITY_SHOWN_S * velocity_enu_m_s])[None]
         ground = position * [1.0, 1.0, 0.0]
-        steps = np.linspace(0.0, 1.0, 16)[:, None]
+        steps = np.linspace(0.0, 1.0, 40)[:, None]
         nodes["drop"].points = path_segments(ground + steps * (position - ground), dashed=True)
         nodes["shadow"].position = ground
         covariance = frame[SLICES["estimate.position_covariance"]]

@@ -26,9 +26,11 @@ _BACKLOG_FRAMES = 6000
 _OUTBOX_FRAMES = 250
 _EVENTS_KEPT = 1000
 _EVENTS_IN_HELLO = 100
-_CHUNK_FRAMES = 256
+_CHUNK_FRAMES = 1024
 _SEND_TIMEOUT_S = 10.0
 _IDLE_CHECK_S = 2.0
+# Together rather than one by one: a browser that draws without a graphics card takes few messages a second.
+_SEND_PERIOD_S = 0.04
 
 
 def signal_table() -> list[dict[str, Any]]:
@@ -221,6 +223,7 @@ async def _send(
                 await socket.send_text(text)
             if frames:
                 await socket.send_bytes(frames)
+        await asyncio.sleep(_SEND_PERIOD_S)
     await socket.close(1008, "The session was closed. Log in again.")
 
 

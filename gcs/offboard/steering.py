@@ -9,7 +9,7 @@ from controllers.authority import project
 from controllers.cascade import CascadeLimits, Command, hover_command
 from controllers.law import CascadeLaw
 from gcs.offboard.modes import State
-from gcs.offboard.state import OffboardConfig, OffboardState, Turn
+from gcs.offboard.state import Manoeuvre, OffboardConfig, OffboardState, Turn
 from gcs.offboard.trajectories import Hover, describe, evaluate
 from models.estimate import Estimate, Reference
 from models.setpoints import Setpoint
@@ -34,9 +34,7 @@ def steer(state: OffboardState, turn: Turn) -> tuple[OffboardState, Setpoint | N
     if state.state not in (State.STREAMING, State.ACTIVE) or state.estimate is None:
         return state, None
     estimate, config = state.estimate, turn.config
-    state = _advanced(state, turn)
-    reference = state.reference
-    assert reference is not None, "the manoeuvre gives a reference whenever we steer"
+    manoeuvre, reference = _advanced(state.manoeuvre, turn)
     flight = state.flight
     if flight is None or state.state is State.STREAMING:
         # The vehicle does not follow us yet: integrals must not wind up on its own controller's errors.
@@ -45,7 +43,7 @@ def steer(state: OffboardState, turn: Turn) -> tuple[OffboardState, Setpoint | N
         flight = flight_controller.engage(state.law, estimate, reference, gain_set_number=number, last=last)
     flight, ladder = flight_controller.step(flight, estimate, reference, limits=TILT_LIMITS)
     setpoint = project(ladder, estimate, config.vehicle.authority, config.scales)
-    return replace(state, flight=flight, ladder=ladder), setpoint
+    return replace(state, manoeuvre=manoeuvre, reference=reference, flight=flight, ladder=ladder), setpoint
 
 
 def _present_command(law: CascadeLaw, estimate: Estimate) -> Command:
@@ -55,14 +53,13 @@ def _present_command(law: CascadeLaw, estimate: Estimate) -> Command:
     return Command((roll, pitch), hover.thrust_n, hover.torque_n_m)
 
 
-def _advanced(state: OffboardState, turn: Turn) -> OffboardState:
-    """Reference and progress of the manoeuvre now; one that is complete turns into hover."""
-    manoeuvre = state.manoeuvre
+def _advanced(manoeuvre: Manoeuvre, turn: Turn) -> tuple[Manoeuvre, Reference]:
+    """The manoeuvre with its progress, and the reference, now; a manoeuvre that is complete turns into hover."""
     reference, progress, lap = evaluate(manoeuvre.trajectory, turn.t_s - manoeuvre.started_s, manoeuvre.start)
     if progress is not None and progress >= 1.0:
         turn.say("advisory", f"{describe(manoeuvre.trajectory)} complete.", "manoeuvre")
         at_rest = Reference(position_ned_m=reference.position_ned_m, yaw_rad=reference.yaw_rad)
-        manoeuvre = replace(manoeuvre, trajectory=Hover(), start=at_rest, started_s=turn.t_s, progress=None, lap=0)
-    else:
-        manoeuvre = replace(manoeuvre, progress=progress, lap=lap)
-    return replace(state, manoeuvre=manoeuvre, reference=reference)
+        return Manoeuvre(trajectory=Hover(), start=at_rest, started_s=turn.t_s), reference
+    if progress == manoeuvre.progress and lap == manoeuvre.lap:
+        return manoeuvre, reference
+    return replace(manoeuvre, progress=progress, lap=lap), reference

@@ -12,11 +12,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias, TypeVar
 
 import msgspec
+import numpy as np
 
-from models.arrays import Vec3
+from models.arrays import Array, Vec3
 from models.estimate import Reference
 
 ENTRY_SAMPLES = 24
@@ -25,6 +26,7 @@ ENTRY_GROWTH = 1.15
 MOST_ENTRY_TRIALS = 40
 LIMIT_TOLERANCE = 1.001
 NO_LAP = 0
+Number = TypeVar("Number", float, Array)
 
 
 class TrajectoryError(ValueError):
@@ -228,9 +230,7 @@ def quintic(begin: Motion, end: Motion, duration_s: float, t_s: float) -> Motion
         v1 = end.velocity_ned_m_s[axis] * duration_s
         a1 = end.acceleration_ned_m_s2[axis] * duration_s * duration_s
         gap = end.position_ned_m[axis] - p0
-        c3 = 10.0 * gap - 6.0 * v0 - 4.0 * v1 - 1.5 * a0 + 0.5 * a1
-        c4 = -15.0 * gap + 8.0 * v0 + 7.0 * v1 + 1.5 * a0 - a1
-        c5 = 6.0 * gap - 3.0 * (v0 + v1) - 0.5 * (a0 - a1)
+        c3, c4, c5 = _upper(gap, v0, v1, a0, a1)
         position[axis] = p0 + s * (v0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5))))
         velocity[axis] = (v0 + s * (a0 + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5)))) / duration_s
         acceleration[axis] = (a0 + s * (6.0 * c3 + s * (12.0 * c4 + s * 20.0 * c5))) / duration_s**2
@@ -243,6 +243,14 @@ def quintic(begin: Motion, end: Motion, duration_s: float, t_s: float) -> Motion
     )
 
 
+def _upper(gap: Number, v0: Number, v1: Number, a0: Number, a1: Number) -> tuple[Number, Number, Number]:
+    """Coefficients of s^3, s^4, s^5 of the polynomial in s = t / T, from its ends scaled by T and T^2."""
+    c3 = 10.0 * gap - 6.0 * v0 - 4.0 * v1 - 1.5 * a0 + 0.5 * a1
+    c4 = -15.0 * gap + 8.0 * v0 + 7.0 * v1 + 1.5 * a0 - a1
+    c5 = 6.0 * gap - 3.0 * (v0 + v1) - 0.5 * (a0 - a1)
+    return c3, c4, c5
+
+
 def entry_duration_s(begin: Motion, end: Motion, speed_m_s: float, acceleration_m_s2: float) -> float:
     """Shortest duration (on a geometric grid) whose polynomial keeps both limits, as far as the ends themselves do.
 
@@ -250,20 +258,25 @@ def entry_duration_s(begin: Motion, end: Motion, speed_m_s: float, acceleration_
     """
     speed_limit = max(speed_m_s, _norm(begin.velocity_ned_m_s), _norm(end.velocity_ned_m_s))
     acceleration_limit = max(acceleration_m_s2, _norm(begin.acceleration_ned_m_s2), _norm(end.acceleration_ned_m_s2))
-    duration_s = max(SHORTEST_ENTRY_S, math.dist(begin.position_ned_m, end.position_ned_m) / speed_limit)
-    best_s, least_excess = duration_s, math.inf
-    for _ in range(MOST_ENTRY_TRIALS):
-        motions = [quintic(begin, end, duration_s, duration_s * k / ENTRY_SAMPLES) for k in range(1, ENTRY_SAMPLES)]
-        excess = max(
-            max(_norm(m.velocity_ned_m_s) for m in motions) / speed_limit,
-            max(_norm(m.acceleration_ned_m_s2) for m in motions) / acceleration_limit,
-        )
-        if excess < least_excess:
-            best_s, least_excess = duration_s, excess
-        if excess <= LIMIT_TOLERANCE:
-            break
-        duration_s *= ENTRY_GROWTH
-    return best_s
+    shortest_s = max(SHORTEST_ENTRY_S, math.dist(begin.position_ned_m, end.position_ned_m) / speed_limit)
+    durations_s: Array = shortest_s * np.power(ENTRY_GROWTH, np.arange(MOST_ENTRY_TRIALS))
+    speed, acceleration = _greatest(begin, end, durations_s)
+    excess = np.maximum(speed / speed_limit, acceleration / acceleration_limit)
+    within = excess <= LIMIT_TOLERANCE
+    return float(durations_s[within.argmax() if within.any() else excess.argmin()])
+
+
+def _greatest(begin: Motion, end: Motion, durations_s: Array) -> tuple[Array, Array]:
+    """Greatest speed and acceleration on the way for each duration (n,), sampled at ENTRY_SAMPLES instants."""
+    duration = durations_s[:, np.newaxis, np.newaxis]
+    s = (np.arange(1, ENTRY_SAMPLES) / ENTRY_SAMPLES)[:, np.newaxis]
+    v0, v1 = np.array(begin.velocity_ned_m_s) * duration, np.array(end.velocity_ned_m_s) * duration
+    a0 = np.array(begin.acceleration_ned_m_s2) * duration**2
+    a1 = np.array(end.acceleration_ned_m_s2) * duration**2
+    c3, c4, c5 = _upper(np.subtract(end.position_ned_m, begin.position_ned_m), v0, v1, a0, a1)
+    velocity = (v0 + s * (a0 + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5)))) / duration
+    acceleration = (a0 + s * (6.0 * c3 + s * (12.0 * c4 + s * 20.0 * c5))) / duration**2
+    return np.linalg.norm(velocity, axis=2).max(axis=1), np.linalg.norm(acceleration, axis=2).max(axis=1)
 
 
 def _norm(vector: Vec3) -> float:
@@ -292,11 +305,10 @@ def _reference(motion: Motion, yaw_rad: float, yaw_rate_rad_s: float = 0.0) -> R
 
 
 def _evaluate_hover(trajectory: Hover, t_s: float, start: Reference) -> Progress:
-    begin = _motion(start)
     duration_s, end = _stop(trajectory, start)
     if t_s >= duration_s:
         return Progress(_reference(end, start.yaw_rad), None, NO_LAP)
-    return Progress(_reference(quintic(begin, end, duration_s, t_s), start.yaw_rad), None, NO_LAP)
+    return Progress(_reference(quintic(_motion(start), end, duration_s, t_s), start.yaw_rad), None, NO_LAP)
 
 
 @lru_cache(maxsize=64)
@@ -312,17 +324,21 @@ def _stop(trajectory: Hover, start: Reference) -> tuple[float, Motion]:
 
 
 @lru_cache(maxsize=64)
-def _entry(begin: Motion, end: Motion, speed_m_s: float, acceleration_m_s2: float) -> float:
-    return entry_duration_s(begin, end, speed_m_s, acceleration_m_s2)
+def _entry(trajectory: GoTo | Path, start: Reference) -> tuple[Motion, Motion, float]:
+    """The way in: where it begins, where it ends, and its duration [s]."""
+    begin = _motion(start)
+    if isinstance(trajectory, GoTo):
+        end = _rest((trajectory.north_m, trajectory.east_m, -trajectory.height_m))
+    else:
+        end = _on_path(trajectory, 0.0)
+    return begin, end, entry_duration_s(begin, end, trajectory.speed_m_s, trajectory.acceleration_m_s2)
 
 
 YAW_RATE_RAD_S = 0.5
 
 
 def _evaluate_go_to(trajectory: GoTo, t_s: float, start: Reference) -> Progress:
-    begin = _motion(start)
-    end = _rest((trajectory.north_m, trajectory.east_m, -trajectory.height_m))
-    duration_s = _entry(begin, end, trajectory.speed_m_s, trajectory.acceleration_m_s2)
+    begin, end, duration_s = _entry(trajectory, start)
     turn_rad = 0.0 if trajectory.yaw_rad is None else math.remainder(trajectory.yaw_rad - start.yaw_rad, math.tau)
     turn_s = 1.875 * abs(turn_rad) / YAW_RATE_RAD_S
     yaw_rad, yaw_rate_rad_s = start.yaw_rad + turn_rad, 0.0
@@ -351,8 +367,7 @@ def _on_path(path: Path, t_s: float) -> Motion:
 
 
 def _evaluate_path(path: Path, t_s: float, start: Reference) -> Progress:
-    begin, join = _motion(start), _on_path(path, 0.0)
-    entry_s = _entry(begin, join, path.speed_m_s, path.acceleration_m_s2)
+    begin, join, entry_s = _entry(path, start)
     if t_s < entry_s:
         return Progress(_reference(quintic(begin, join, entry_s, t_s), start.yaw_rad), None, NO_LAP)
     on_path_s = t_s - entry_s

@@ -47,12 +47,15 @@ WRONG = {
     "bad link": (("up", "--sim", "quadrotor", "--link", "udp://1"), "Valid forms: udpin://"),
     "link for a simulation": (("up", "--sim", "quadrotor", "--link", "serial:///dev/ttyX:9600"), "udpin://[host:]port"),
     "speed": (("up", "--sim", "quadrotor", "--speed", "0"), "--speed"),
+    "wind": (("up", "--sim", "quadrotor", "--wind", "1,2"), "--wind 1,2: give three numbers, north,east,down in m/s"),
     "position": (("up", "--sim", "quadrotor", "--position", "sonar"), "gnss"),
     "unknown command": (("command", "hover"), "no such command; there are apply_gains, arm"),
     "unknown field": (("command", "take_off", "heigth=3"), "unknown field `heigth`; its fields: height_m"),
-    "out of range": (("command", "take_off", "height_m=300"), "<= 100.0"),
+    "out of range": (("command", "take_off", "height_m=300"), "height_m: Expected `float` <= 100.0"),
     "not key=value": (("command", "take_off", "3"), "not KEY=VALUE"),
     "no log": (("replay", "none.tlog"), "none.tlog: No such file"),
+    "not a run": (("replay", "docs"), "docs: no flight.tlog in it; give a .tlog file or the folder of a run"),
+    "not a log": (("replay", "README.md"), "is this a .tlog of a flight?"),
     "simulation option": (("sim", "--speed", "fast"), "'fast' is not a number"),
 }
 
@@ -68,6 +71,15 @@ def test_wrong_arguments_are_named_and_exit_with_2(case: str, tmp_path: Path) ->
     assert words in done.stderr
     assert "Traceback" not in done.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+def test_recordings_that_cannot_be_made_are_refused_before_anything_starts(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.touch()
+    with runtime_folder() as runtime:
+        done = gcs("up", "--sim", "quadrotor", "--runtime", str(runtime.folder), "--runs", str(file / "runs"))
+    assert (done.returncode, done.stdout) == (2, "")
+    assert f"{file} is not a folder" in done.stderr
 
 
 @pytest.mark.parametrize("arguments", [("status",), ("command", "hold"), ("login",)])

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from controllers import cascade
+from controllers import cascade, loops
 from controllers.cascade import CascadeLimits, Command, seed, step
 from controllers.flight_controller import prepare
 from controllers.gains import load_gain_set
-from controllers.loops import acceleration_of, attitude_direct, feed_forward_torque, horizontal_direct, tilt_of, turned
+from controllers.loops import acceleration_of, tilt_of, turned
 from controllers.mixer import THRUST_CUT, TILT_TORQUE_CUT, YAW_TORQUE_CUT, achievable, mixer_limits
 from models.estimate import Estimate, Reference
 from models.frames import STANDARD_GRAVITY_M_S2, quaternion_from_euler
 from models.parameters import load_quadrotor
+from tests.unit import cascade_twin
 
 PARAMETERS = load_quadrotor()
 LIMITS = mixer_limits(PARAMETERS)
@@ -41,33 +43,72 @@ def estimate_at(
     )
 
 
-def rotation(angle: float) -> np.ndarray:
-    c, s = math.cos(angle), math.sin(angle)
-    return np.array([[c, s], [-s, c]])
+def packed(state: cascade_twin.TwinState) -> np.ndarray:
+    """The twin's memory in the order of the kernels, up to the command."""
+    return np.array(
+        [
+            *(state.time_s, *state.anchor, *state.anchor_velocity, *state.anchor_acceleration),
+            *(state.anchor_yaw, state.anchor_yaw_rate, state.yaw, state.outer_active),
+            *(*state.horizontal_z, state.height_z, *state.attitude_z),
+            *(*state.horizontal_rate, state.height_rate, *state.attitude_rate),
+            *(*state.tilt, state.thrust, *state.torque),
+        ]
+    )
 
 
-def test_loop_kernels_equal_their_twins() -> None:
+def random_inputs(rng: np.random.Generator, time_s: float, scale: float) -> tuple[Estimate, Reference]:
+    def triple(size: float) -> tuple[float, ...]:
+        return tuple(rng.uniform(-size, size, 3).tolist())
+
+    roll, pitch, _ = triple(0.6 * scale)
+    estimate = estimate_at(
+        time_s, triple(5.0 * scale), triple(3.0 * scale), (roll, pitch, rng.uniform(-3.1, 3.1)), triple(2.0 * scale)
+    )
+    reference = Reference(
+        *(triple(5.0 * scale), triple(3.0 * scale), triple(2.0 * scale), triple(2.0 * scale)),
+        yaw_rad=rng.uniform(-7.0, 7.0),
+        yaw_rate_rad_s=rng.uniform(-0.5, 0.5),
+    )
+    return estimate, reference
+
+
+@pytest.mark.parametrize("feed_forward", [True, False])
+@pytest.mark.parametrize("kind", ["lqr", "pid"])
+def test_seed_and_step_equal_their_numpy_twin(kind: str, feed_forward: bool) -> None:
+    """Random flights of 8 steps with and without saturation, some of them with a given tilt; to 1e-12."""
+    law = replace(prepare(load_gain_set(kind, "default"), PARAMETERS), feed_forward=feed_forward)
+    rng, close = np.random.default_rng(1), {"rtol": 1e-12, "atol": 1e-12}
+    saturated = set()
+    for flight in range(60):
+        scale = 10.0 ** rng.uniform(-3.0, 0.0)
+        last = Command(tuple(rng.uniform(-0.2, 0.2, 2).tolist()), rng.uniform(5.0, 25.0), (0.1, -0.2, 0.05))
+        estimate, reference = random_inputs(rng, 1.0, scale)
+        outer = flight % 3 > 0
+        state = seed(law, estimate, reference, last, outer_active=outer)
+        twin = cascade_twin.seed(law, estimate, reference, last, outer_active=outer)
+        np.testing.assert_allclose(state.memory[: loops.NED_FROM_BODY], packed(twin), **close)
+        for index in range(8):
+            estimate, reference = random_inputs(rng, 1.0 + 0.03 * index * (index % 4), scale)
+            limits = CascadeLimits(rng.uniform(0.1, 0.5))
+            tilt = (0.05, -0.1) if rng.random() < 0.3 else None
+            state, ladder = step(state, estimate, reference, law=law, limits=limits, tilt_reference_rad=tilt)
+            twin, expected = cascade_twin.step(
+                twin, estimate, reference, law=law, limits=limits, tilt_reference_rad=tilt
+            )
+            np.testing.assert_allclose(state.memory[: loops.NED_FROM_BODY], packed(twin), **close)
+            np.testing.assert_allclose(ladder.ned_from_body, expected.ned_from_body, **close)
+            np.testing.assert_allclose(ladder.rates_body_rad_s, expected.rates, **close)
+            np.testing.assert_allclose([ladder.thrust_n, *ladder.torque_body_n_m], packed(twin)[-4:], **close)
+            assert ladder.saturated == expected.saturated
+            saturated.add(ladder.saturated)
+    assert saturated == {True, False}
+
+
+def test_turns_are_inverse_to_each_other() -> None:
     rng = np.random.default_rng(1)
-    for _ in range(20):
-        yaw, model_yaw = rng.uniform(-7, 7), rng.uniform(-0.1, 0.1)
-        offset, velocity, ref, acc = rng.standard_normal((4, 2))
-        k, k_r = rng.standard_normal((2, 4)), rng.standard_normal((2, 2))
-        np.testing.assert_allclose(turned(yaw, offset), rotation(yaw) @ offset)
-        tilt = np.array([[0, 1], [-1, 0]]) @ rotation(yaw) @ acc / STANDARD_GRAVITY_M_S2
-        np.testing.assert_allclose(tilt_of(yaw, acc), tilt)
-        np.testing.assert_allclose(acceleration_of(yaw, tilt), acc)
-        frame = rotation(yaw - model_yaw)
-        twin = tilt - k @ np.concatenate((frame @ offset, frame @ velocity)) + k_r @ frame @ ref
-        np.testing.assert_allclose(horizontal_direct(yaw, model_yaw, offset, velocity, ref, acc, k, k_r), twin)
-        state, reference, torque = rng.standard_normal(8), rng.standard_normal(3), rng.standard_normal(3)
-        ka, kra = rng.standard_normal((3, 8)), rng.standard_normal((3, 3))
-        np.testing.assert_allclose(
-            attitude_direct(state, reference, torque, ka, kra), torque - ka @ state + kra @ reference
-        )
-        v, rates = rng.standard_normal(3), rng.standard_normal(3)
-        inertia, moments = np.array(PARAMETERS.inertia_kg_m2), PARAMETERS.aerodynamic_moments
-        motion = np.concatenate((rotation(yaw) @ v[:2], [v[2]], rates))
-        np.testing.assert_allclose(feed_forward_torque(yaw, v, rates, inertia, moments), -inertia * (moments @ motion))
+    for yaw, north, east in rng.uniform(-7, 7, (20, 3)):
+        np.testing.assert_allclose(turned(yaw, north, east), cascade_twin.rotation(yaw) @ [north, east])
+        np.testing.assert_allclose(acceleration_of(yaw, *tilt_of(yaw, north, east)), (north, east))
 
 
 def rotor_forces(thrust_and_torques: np.ndarray) -> np.ndarray:
