@@ -21,16 +21,15 @@ from models.arrays import Array
 from web.auth import Session, SessionStore
 
 FRAME_BYTES = 8 * FRAME_SIZE
-BACKLOG_S = 120.0
-_BACKLOG_FRAMES = 6000
+# More than a page's usual window would hold up the status behind it where a browser draws without a graphics card.
+BACKLOG_S = 30.0
+_BACKLOG_FRAMES = 1500
 _OUTBOX_FRAMES = 250
 _EVENTS_KEPT = 1000
 _EVENTS_IN_HELLO = 100
-_CHUNK_FRAMES = 1024
+_CHUNK_FRAMES = 256
 _SEND_TIMEOUT_S = 10.0
 _IDLE_CHECK_S = 2.0
-# Together rather than one by one: a browser that draws without a graphics card takes few messages a second.
-_SEND_PERIOD_S = 0.04
 
 
 def signal_table() -> list[dict[str, Any]]:
@@ -136,11 +135,11 @@ class Feed:
         self._tell(event_fields(event))
 
     def frames(self) -> Iterator[bytes]:
-        """Frames of the last two minutes, oldest first."""
+        """Frames of the last half minute, oldest first."""
         return iter(tuple(self._frames))
 
     def backlog(self) -> list[bytes]:
-        """Signal frames of the last two minutes, joined into chunks."""
+        """Signal frames of the last half minute, joined into chunks."""
         frames = list(self._frames)
         return [b"".join(frames[i : i + _CHUNK_FRAMES]) for i in range(0, len(frames), _CHUNK_FRAMES)]
 
@@ -223,7 +222,6 @@ async def _send(
                 await socket.send_text(text)
             if frames:
                 await socket.send_bytes(frames)
-        await asyncio.sleep(_SEND_PERIOD_S)
     await socket.close(1008, "The session was closed. Log in again.")
 
 
